@@ -1,0 +1,11 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// The subcommands of `interglow`, one source file each.
+#pragma once
+
+#include "cli/session.h"
+
+namespace interglow::cli {
+
+// One line a command, in the order `interglow --help` lists them; each is defined in <name>_command.cpp.
+
+}  // namespace interglow::cli

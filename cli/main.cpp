@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <CLI/CLI.hpp>
+#include <functional>
+
+#include "cli/commands.h"
+#include "cli/session.h"
+
+int main(int argc, char** argv) {
+  using namespace interglow::cli;
+  CLI::App app("Predicts what matte and fluorescent objects look like when they light each other.", "interglow");
+  app.set_version_flag("--version", INTERGLOW_VERSION);
+  app.require_subcommand(1);
+  Session session;
+  std::function<int()> action;
+  // add_..._command(app, session, action), one line a command
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    const int status = app.exit(error);
+    return status == 0 ? kSuccess : kBadInput;
+  }
+  return run_guarded(session, action);
+}

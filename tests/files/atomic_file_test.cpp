@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "files/atomic_file.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+
+#include "diagnostics/error.h"
+
+namespace interglow::files {
+namespace {
+
+std::string content(const std::filesystem::path& path) {
+  std::ostringstream text;
+  text << std::ifstream(path).rdbuf();
+  return text.str();
+}
+
+TEST(AtomicFile, KeepsTheOldContentWhenWritingFails) {
+  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "atomic_file_test";
+  const std::filesystem::path path = folder / "deep" / "result.txt";
+  std::filesystem::remove_all(folder);
+  write_text_atomically(path, "first");
+  EXPECT_EQ(content(path), "first");
+  EXPECT_THROW(write_atomically(path,
+                                [](const std::filesystem::path& temporary) {
+                                  std::ofstream(temporary) << "half";
+                                  throw std::runtime_error("stopped");
+                                }),
+               std::runtime_error);
+  EXPECT_EQ(content(path), "first");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(path.parent_path()), {}), 1) << "a temporary file was left";
+}
+
+TEST(AtomicFile, NamesAFolderThatCannotBeMade) {
+  try {
+    write_text_atomically("/proc/interglow/result.txt", "x");
+    FAIL() << "expected InvalidInput";
+  } catch (const InvalidInput& error) {
+    EXPECT_NE(std::string(error.what()).find("/proc/interglow"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace interglow::files
