@@ -52,10 +52,14 @@ class Transport {
   /// Cost: culling O(N log N) + one form factor per facing pair. Same bits for any number of threads.
   static Transport build(const Elements& elements, const TransportParams& params, const Progress& progress = {});
 
-  /// From a given matrix of form factors (closed-form test cases). @pre A_i F_ij = A_j F_ji.
+  /// From a given matrix of form factors (closed-form test cases).
+  /// @throws InvalidParams unless square, finite, in [0, 1] and A_i F_ij = A_j F_ji to 1e-10 of the larger.
   static Transport from_form_factors(const Eigen::MatrixXd& form_factors, const Eigen::VectorXd& area_mm2);
 
   Eigen::Index size() const;
+
+  /// Areas of the elements [mm²]; A_i F_ij is symmetric.
+  const Eigen::VectorXd& area_mm2() const;
 
   /// Y = F X, all channels at once: H = F B. Cost O(stored pairs × columns); same bits for any number of threads.
   RowMatrix apply(const RowMatrix& x) const;
