@@ -18,30 +18,30 @@ namespace interglow::scene {
 enum class Sides { kOne, kTwo };
 
 struct Object {
-  std::string name;
-  mesh::PatchMesh patches;             ///< in world coordinates, mm
-  int material = 0;                    ///< index into Scene::materials
+  std::string name{};
+  mesh::PatchMesh patches{};  ///< in world coordinates, mm
+  int material = 0;           ///< index into Scene::materials
   Sides sides = Sides::kOne;
   /// Exitance of an emitting surface, front side [W m^-2 nm^-1], one value a band; empty: it does not emit.
   /// Its radiance is exitance / π.
-  Eigen::VectorXd exitance;
+  Eigen::VectorXd exitance{};
 
   bool emits() const { return exitance.size() > 0; }
 };
 
 /// A parallel beam.
 struct DirectionalLight {
-  std::string name;
-  Eigen::Vector3d direction;           ///< unit vector along which the light travels
-  Eigen::VectorXd normal_irradiance;   ///< on a plane facing the beam [W m^-2 nm^-1], one value a band
+  std::string name{};
+  Eigen::Vector3d direction{0.0, 0.0, -1.0};  ///< unit vector along which the light travels
+  Eigen::VectorXd normal_irradiance{};        ///< on a plane facing the beam [W m^-2 nm^-1], one value a band
   /// Half-angle of the source disk [rad]; 0 is a perfectly parallel beam.
   double half_angle_rad = 0.0;
 };
 
 /// Uniform light from every direction that meets no object.
 struct SkyLight {
-  std::string name;
-  Eigen::VectorXd radiance;            ///< [W m^-2 sr^-1 nm^-1], one value a band
+  std::string name{};
+  Eigen::VectorXd radiance{};  ///< [W m^-2 sr^-1 nm^-1], one value a band
 };
 
 /// A pinhole camera. Row 0 is the top row. The centre of pixel (row, column) lies at
@@ -54,9 +54,10 @@ struct Camera {
   double horizontal_fov_deg = 20.0;           ///< in (0, 180)
   int width = 512;
   int height = 512;
-  /// The bands that images have: first and last band of the scene's grid, by index (the camera's 400-700 nm within 350-700).
+  /// The bands that images have: first and last band of the scene's grid, by index (the camera's 400-700 nm within
+  /// 350-700).
   int first_band = 0;
-  int last_band = -1;                         ///< -1: the last band of the grid
+  int last_band = -1;  ///< -1: the last band of the grid
 };
 
 struct Scene {
