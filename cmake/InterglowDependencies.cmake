@@ -7,6 +7,7 @@ macro(interglow_find package debian_package)
   endif()
 endmacro()
 
+interglow_find(Boost libboost-dev)
 interglow_find(Eigen3 libeigen3-dev CONFIG)
 interglow_find(TBB libtbb-dev CONFIG)
 interglow_find(fmt libfmt-dev CONFIG)

@@ -1,0 +1,210 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Simulated pictures whose truth is known. Rates are binomial counts over 10,000 trials; a stated rate of 1 % is
+// refused only above 1.5 %, five standard deviations away (false-alarm rate of each such check: 3e-7).
+#include "cross_check/agreement.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "cross_check/pixel_diagnosis.h"
+#include "diagnostics/error.h"
+
+namespace interglow::cross_check {
+namespace {
+
+constexpr int kBatches = 32;
+
+/// Batches of normal or lognormal values with the given relative standard deviation of a batch, around `truth`.
+Estimate simulate(int side, double truth, double batch_sd, bool lognormal, std::mt19937_64& random) {
+  Estimate estimate;
+  estimate.mean = {side, side, Eigen::VectorXd::Constant(1, 550.0), {}};
+  const auto pixels = static_cast<std::size_t>(side * side);
+  estimate.mean.value.resize(pixels);
+  estimate.standard_error = estimate.mean;
+  const double log_sd = std::sqrt(std::log1p(batch_sd * batch_sd));
+  std::normal_distribution<double> normal;
+  for (std::size_t p = 0; p < pixels; ++p) {
+    double sum = 0.0;
+    double squares = 0.0;
+    for (int batch = 0; batch < kBatches; ++batch) {
+      const double x = normal(random);
+      const double value = truth * (lognormal ? std::exp(log_sd * x - 0.5 * log_sd * log_sd) : 1.0 + batch_sd * x);
+      sum += value;
+      squares += value * value;
+    }
+    const double mean = sum / kBatches;
+    const double error = std::sqrt((squares / kBatches - mean * mean) / (kBatches - 1));
+    estimate.mean.value[p] = static_cast<float>(mean);
+    estimate.standard_error.value[p] = static_cast<float>(error);
+    estimate.integral_mean.push_back(mean);
+    estimate.integral_standard_error.push_back(error);
+  }
+  return estimate;
+}
+
+image::SpectralImage constant(int side, double value) {
+  return {side, side, Eigen::VectorXd::Constant(1, 550.0),
+          std::vector<float>(static_cast<std::size_t>(side * side), static_cast<float>(value))};
+}
+
+Comparison comparison(int side, double candidate, Estimate reference) {
+  Comparison comparison{.candidate = constant(side, candidate),
+                        .reference = std::move(reference),
+                        .band_width_nm = Eigen::VectorXd::Constant(1, 1.0)};
+  comparison.batches = kBatches;
+  comparison.samples_per_pixel = kBatches;
+  return comparison;
+}
+
+struct Rates {
+  double agrees = 0.0, disagrees = 0.0, detected = 0.0;
+};
+
+Rates rates(double bias, double batch_sd, bool lognormal, int trials, int tiles = 1) {
+  std::mt19937_64 random(20211);
+  Rates rates;
+  constexpr int kSide = 8;
+  for (int trial = 0; trial < trials; ++trial) {
+    const Agreement agreement = judge(
+        {comparison(kSide, 1.0 + bias, simulate(kSide, 1.0, batch_sd, lognormal, random))}, {.tiles_per_side = tiles});
+    rates.agrees += agreement.verdict == Verdict::kAgrees ? 1.0 : 0.0;
+    rates.disagrees += agreement.verdict == Verdict::kDisagrees ? 1.0 : 0.0;
+    rates.detected += agreement.difference_detected ? 1.0 : 0.0;
+  }
+  rates.agrees /= trials;
+  rates.disagrees /= trials;
+  rates.detected /= trials;
+  return rates;
+}
+
+// 64 pixels × 32 batches: a batch deviation of 0.07 leaves 0.155 % of the mean.
+constexpr double kBatchSd = 0.07;
+
+TEST(Agreement, EqualSidesAreCalledDifferentAtMostAsOftenAsStated) {
+  for (const bool lognormal : {false, true}) {
+    const Rates found = rates(0.0, kBatchSd, lognormal, 10000);
+    EXPECT_LE(found.detected, 0.015);
+    EXPECT_LE(found.disagrees, 0.015);
+  }
+}
+
+TEST(Agreement, FamilyOfTilesKeepsTheStatedFalseAlarmRate) {
+  const Rates found = rates(0.0, kBatchSd, false, 10000, 4);
+  EXPECT_LE(found.detected, 0.015);
+}
+
+TEST(Agreement, EquivalenceIsClaimedFalselyInAtMostOnePercentAtTheBoundary) {
+  for (const double bias : {0.005, -0.005}) {
+    for (const bool lognormal : {false, true})
+      EXPECT_LE(rates(bias, kBatchSd, lognormal, 10000).agrees, 0.015) << bias << " " << lognormal;
+  }
+}
+
+TEST(Agreement, IsClaimedWhereThereIsRoomAndRefusedWhereNot) {
+  // Reach 2.33 × 0.062 % = 0.144 %: at no bias the claim fails only beyond 5.7 standard errors.
+  EXPECT_EQ(rates(0.0, 0.4 * kBatchSd, false, 200).agrees, 1.0);
+  EXPECT_EQ(rates(0.02, 0.4 * kBatchSd, false, 200).disagrees, 1.0);
+  // Too noisy to say anything: 1.5 % standard error.
+  const Rates noisy = rates(0.0, 10.0 * kBatchSd, false, 200);
+  EXPECT_EQ(noisy.agrees, 0.0);
+}
+
+// Energy of 10 % in spikes of probability 1e-6 that no sample met: Student's t sees nothing and claims; the bound
+// refuses.
+TEST(Agreement, BernsteinBoundRefusesTheClaimThatRareSpikesMakeFalse) {
+  std::mt19937_64 random(7);
+  Comparison spiky = comparison(8, 0.9, simulate(8, 0.9, 0.01, false, random));
+  EXPECT_EQ(judge({spiky}, {.tiles_per_side = 1}).verdict, Verdict::kAgrees) << "the trap must exist to be avoided";
+  spiky.largest_possible_sample = 0.1 / 1e-6;
+  EXPECT_EQ(judge({spiky}, {.tiles_per_side = 1}).verdict, Verdict::kUndecided);
+}
+
+TEST(Agreement, DiscretisationErrorCountsInsideTheMargin) {
+  std::mt19937_64 random(8);
+  Comparison refined = comparison(8, 1.0, simulate(8, 1.0, 0.01, false, random));
+  refined.coarser = constant(8, 1.003);
+  const Agreement fine = judge({refined}, {.tiles_per_side = 1});
+  EXPECT_NEAR(fine.regions.front().discretisation, 0.003, 2e-4);
+  EXPECT_EQ(fine.verdict, Verdict::kAgrees);
+  refined.coarser = constant(8, 1.006);
+  EXPECT_EQ(judge({refined}, {.tiles_per_side = 1}).verdict, Verdict::kUndecided);
+}
+
+TEST(Agreement, PlannedSamplesDecide) {
+  std::mt19937_64 random(9);
+  const double sd = 3.0 * kBatchSd;
+  const Agreement pilot = judge({comparison(8, 1.0, simulate(8, 1.0, sd, false, random))}, {.tiles_per_side = 1});
+  ASSERT_EQ(pilot.verdict, Verdict::kUndecided);
+  ASSERT_GT(pilot.samples_factor, 1.0);
+  // A few times the plan covers the difference that the pilot happened to find.
+  const double planned_sd = sd / std::sqrt(2.0 * pilot.samples_factor);
+  int decided = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    const auto verdict =
+        judge({comparison(8, 1.0, simulate(8, 1.0, planned_sd, false, random))}, {.tiles_per_side = 1}).verdict;
+    decided += verdict == Verdict::kAgrees ? 1 : 0;
+  }
+  EXPECT_GE(decided, 180);  // power 0.95 planned: below 180 of 200 with probability 1e-3
+}
+
+TEST(Agreement, LightWhereThereIsNoneDisagrees) {
+  Comparison dark = comparison(8, 0.1, {});
+  std::mt19937_64 random(10);
+  dark.reference = simulate(8, 0.0, 0.0, false, random);
+  EXPECT_EQ(judge({dark}, {}).verdict, Verdict::kDisagrees);
+}
+
+TEST(Agreement, NamesWhatDoesNotMatch) {
+  std::mt19937_64 random(11);
+  Comparison wrong = comparison(8, 1.0, simulate(4, 1.0, 0.1, false, random));
+  try {
+    judge({wrong}, {});
+    FAIL();
+  } catch (const InvalidInput& error) {
+    EXPECT_NE(std::string(error.what()).find("8 x 8"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("4 x 4"), std::string::npos) << error.what();
+  }
+  EXPECT_THROW(validate(AgreementParams{.margin = 0.0}), InvalidParams);
+  EXPECT_THROW(validate(AgreementParams{.confidence = 1.0}), InvalidParams);
+}
+
+TEST(PixelDiagnosis, ChanceLooksLikeChance) {
+  std::mt19937_64 random(12);
+  const PixelDiagnosis diagnosis = diagnose(comparison(128, 1.0, simulate(128, 1.0, 0.2, false, random)));
+  // 16,384 pixels: z² of Student's t has a relative standard deviation near 1.55 / 128 here.
+  EXPECT_NEAR(diagnosis.z_rms, diagnosis.expected_z_rms, 5.0 * 0.5 * 1.55 / 128);
+  EXPECT_LT(std::abs(diagnosis.autocorrelation_z), 5.0);
+  // Benjamini-Hochberg at 1 % with nothing to find: any discovery at all has probability 1 %.
+  EXPECT_EQ(diagnosis.significant_pixels, 0);
+}
+
+TEST(PixelDiagnosis, FindsAFaultThatTheWholePictureHides) {
+  std::mt19937_64 random(13);
+  Comparison faulty = comparison(64, 1.0, simulate(64, 1.0, 0.2, false, random));
+  for (int row = 20; row < 24; ++row) {
+    for (int column = 20; column < 24; ++column) faulty.candidate.pixel(row, column)[0] = 1.5F;  // 14 standard errors
+  }
+  const PixelDiagnosis diagnosis = diagnose(faulty);
+  EXPECT_GE(diagnosis.significant_pixels, 15);
+  EXPECT_GT(diagnosis.autocorrelation_z, 10.0);
+}
+
+TEST(PixelDiagnosis, LeavesOutTheSilhouette) {
+  std::mt19937_64 random(14);
+  Comparison half = comparison(16, 1.0, simulate(16, 1.0, 0.2, false, random));
+  for (int row = 0; row < 16; ++row) {
+    for (int column = 0; column < 8; ++column) {
+      const auto p = static_cast<std::size_t>(row * 16 + column);
+      half.reference.integral_mean[p] = half.reference.integral_standard_error[p] = 0.0;
+      half.candidate.value[p] = 0.0F;
+    }
+  }
+  const PixelDiagnosis diagnosis = diagnose(half, {.silhouette_px = 2});
+  EXPECT_EQ(diagnosis.judged_pixels, 16 * 6);
+  EXPECT_EQ(diagnosis.certain_differences, 0);
+}
+
+}  // namespace
+}  // namespace interglow::cross_check
