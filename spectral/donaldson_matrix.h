@@ -14,12 +14,12 @@ namespace interglow::spectral {
 ///
 ///     B(λ) = S(λ) H(λ) + Σ_μ D_L(λ, μ) H(μ)
 ///
-/// Rows are emission, columns excitation (CIE and ASTM tables are the transpose; readers convert). D_L is the bispectral
-/// luminescent radiance factor β_L,λ(μ) [1/nm] times the excitation band width Δμ, hence dimensionless; its diagonal is 0
-/// (same-band luminescence is part of S). Entries above the diagonal (μ > λ) are anti-Stokes.
+/// Rows are emission, columns excitation (CIE and ASTM tables are the transpose; readers convert). D_L is the
+/// bispectral luminescent radiance factor β_L,λ(μ) [1/nm] times the excitation band width Δμ, hence dimensionless; its
+/// diagonal is 0 (same-band luminescence is part of S). Entries above the diagonal (μ > λ) are anti-Stokes.
 struct DonaldsonMatrix {
-  Eigen::VectorXd reflectance;    ///< S, one value a band, in [0, 1]
-  Eigen::MatrixXd luminescence;   ///< D_L, bands x bands; 0 x 0 if the material does not luminesce
+  Eigen::VectorXd reflectance;   ///< S, one value a band, in [0, 1]
+  Eigen::MatrixXd luminescence;  ///< D_L, bands x bands; 0 x 0 if the material does not luminesce
 
   bool luminesces() const { return luminescence.size() > 0; }
   Eigen::Index bands() const { return reflectance.size(); }
@@ -31,8 +31,8 @@ struct Material {
   DonaldsonMatrix donaldson;
 };
 
-/// What an excitation column emits: Σ_λ D(λ, μ) Δλ / Δμ, the radiated over the absorbed power of band μ, reflection included;
-/// at most 1 for a passive material.
+/// What an excitation column emits: Σ_λ D(λ, μ) Δλ / Δμ, the radiated over the absorbed power of band μ, reflection
+/// included; at most 1 for a passive material.
 Eigen::VectorXd emitted_over_received(const DonaldsonMatrix& donaldson, const WavelengthGrid& grid);
 
 /// Checks finite, S in [0, 1], sizes; returns warnings that name sample, column and excess where a noisy measurement

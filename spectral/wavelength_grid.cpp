@@ -39,9 +39,9 @@ WavelengthGrid WavelengthGrid::from_centers(const Eigen::VectorXd& centers_nm) {
   if (bands == 0) throw InvalidParams("wavelength grid: no bands; expected at least one.");
   for (Eigen::Index i = 0; i < bands; ++i) {
     if (!std::isfinite(centers_nm[i]) || centers_nm[i] <= 0.0 || (i > 0 && centers_nm[i] <= centers_nm[i - 1])) {
-      throw InvalidParams(fmt::format(
-          "wavelength grid: entry {} is {} nm; expected finite, positive, strictly increasing wavelengths.", i + 1,
-          centers_nm[i]));
+      throw InvalidParams(
+          fmt::format("wavelength grid: entry {} is {} nm; expected finite, positive, strictly increasing wavelengths.",
+                      i + 1, centers_nm[i]));
     }
   }
   WavelengthGrid grid;

@@ -34,7 +34,7 @@ class WavelengthGrid {
 
  private:
   Eigen::VectorXd centers_nm_;
-  Eigen::VectorXd edges_nm_;   ///< size() + 1
+  Eigen::VectorXd edges_nm_;  ///< size() + 1
   Eigen::VectorXd widths_nm_;
 };
 
