@@ -162,7 +162,6 @@ ObjectDescription read_object(const std::string& name, KeyReader& keys, const Sc
   object.material = index_of(keys, "material", material, scene.materials, "material");
   object.sides = keys.find_choice("sides", {"one", "two"}).value_or(0) == 0 ? Sides::kOne : Sides::kTwo;
   object.smooth = keys.find_choice("shading", {"smooth", "flat"}).value_or(0) == 0;
-  object.fill_holes = keys.find_bool("fill_holes").value_or(false);
   object.reverse = keys.find_bool("reverse").value_or(false);
   object.world_from_mesh = read_transform(keys);
   const auto remesh = keys.find_choice("remesh", {"none", "adaptive"});
@@ -172,6 +171,9 @@ ObjectDescription read_object(const std::string& name, KeyReader& keys, const Sc
   object.noise_mm = keys.find_number("noise_mm", kNotNegative);
   const auto feature_angle = keys.find_number("feature_angle_deg", Range{0.0, 180.0, true});
   object.feature_angle_deg = feature_angle.value_or(object.feature_angle_deg);
+  object.near_edge_ratio = keys.find_number("near_edge_ratio", Range{0.0, 1.0, true}).value_or(object.near_edge_ratio);
+  object.close_holes_mm = keys.find_number("close_holes_mm", kNotNegative).value_or(0.0);
+  object.close_contact_mm = keys.find_number("close_contact_mm", kNotNegative).value_or(0.0);
   keys.finish();
   if (object.patches && object.edge_length_mm)
     keys.fail("patches", "is given together with \"edge_length_mm\". Keep one of them.");
@@ -276,18 +278,6 @@ Camera read_camera(KeyReader& file, const spectral::WavelengthGrid& grid) {
   return camera;
 }
 
-ContactDescription read_contact(KeyReader& file) {
-  ContactDescription contact;
-  auto keys = file.find_table("contact");
-  if (!keys) return contact;
-  const auto gap = keys->find_number("close_mm", kPositive);
-  contact.close = gap.has_value();
-  contact.close_within_mm = gap.value_or(0.0);
-  contact.region_mm = keys->find_number("region_mm", kPositive).value_or(contact.region_mm);
-  keys->finish();
-  return contact;
-}
-
 SolveDescription read_solve(KeyReader& file) {
   SolveDescription solve;
   auto keys = file.find_table("solve");
@@ -331,6 +321,7 @@ OutputDescription read_output(KeyReader& file, const Camera& camera) {
   if (word != nullptr && *word != "auto") keys->fail_value("exposure", *exposure, "a number above 0, or \"auto\"");
   if (word == nullptr) output.exposure = keys->find_number("exposure", kPositive);
   output.components = keys->find_bool("components").value_or(output.components);
+  output.contact_region_mm = keys->find_number("contact_region_mm", kPositive).value_or(output.contact_region_mm);
   output.split_li = keys->find_bool("split_li").value_or(output.split_li);
   if (const TomlNode* pixels = keys->find("spectra_px")) {
     const std::string expected =
@@ -362,7 +353,6 @@ SceneDescription read_description(const TomlNode& document, const fs::path& path
   auto objects = file.find_table("object");
   auto lights = file.find_table("light");
   scene.camera = read_camera(file, scene.grid);
-  scene.contact = read_contact(file);
   scene.solve = read_solve(file);
   scene.render = read_render(file);
   scene.output = read_output(file, scene.camera);

@@ -40,14 +40,16 @@ struct ObjectDescription {
   double unit_mm = 1.0;        ///< length of one unit of the mesh file
   int material = 0;            ///< index into SceneDescription::materials
   Sides sides = Sides::kOne;
-  bool smooth = true;  ///< smooth or flat shading
-  bool fill_holes = false;
+  bool smooth = true;    ///< smooth or flat shading
   bool reverse = false;  ///< turn all triangles round: front becomes back
   RemeshKind remesh = RemeshKind::kAdaptive;
   std::optional<int> patches;
   std::optional<double> edge_length_mm;
   double feature_angle_deg = 40.0;
-  std::optional<double> noise_mm;                                 ///< standard deviation of the scan; empty: estimated
+  std::optional<double> noise_mm;  ///< standard deviation of the scan; empty: estimated
+  double near_edge_ratio = 0.25;   ///< smallest edge length near other objects over the largest
+  double close_holes_mm = 0.0;     ///< holes up to this diameter are closed
+  double close_contact_mm = 0.0;   ///< strips along contacts up to this width are closed
   Eigen::Affine3d world_from_mesh = Eigen::Affine3d::Identity();  ///< from mm of the mesh to mm of the world
   std::string place;
 };
@@ -66,13 +68,6 @@ struct LightDescription {
   double half_angle_deg = 0.0;
   int object = -1;  ///< of an emitting surface: index into SceneDescription::objects
   std::string place;
-};
-
-/// Objects that come close to one another.
-struct ContactDescription {
-  bool close = false;            ///< close the strip between touching objects that a scanner cannot see into
-  double close_within_mm = 0.0;  ///< widest gap that is closed
-  double region_mm = 2.0;        ///< points nearer than this to another object belong to the contact region of w'
 };
 
 enum class LightModel { kExact, kPaper };
@@ -95,7 +90,8 @@ struct RenderDescription {
 struct OutputDescription {
   std::optional<double> exposure;  ///< factor from Y to linear sRGB; empty: chosen from the picture
   bool components = true;
-  bool split_li = false;                       ///< lr and ll beside li
+  double contact_region_mm = 2.0;  ///< points nearer than this to another object belong to the contact region of w'
+  bool split_li = false;           ///< lr and ll beside li
   std::vector<std::array<int, 2>> spectra_px;  ///< column, row
 };
 
@@ -106,7 +102,6 @@ struct SceneDescription {
   std::vector<ObjectDescription> objects;
   std::vector<LightDescription> lights;
   Camera camera;
-  ContactDescription contact;
   SolveDescription solve;
   RenderDescription render;
   OutputDescription output;

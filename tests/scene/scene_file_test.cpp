@@ -40,7 +40,6 @@ unit_mm = 1000
 material = "red"
 sides = "two"
 shading = "flat"
-fill_holes = true
 reverse = true
 scale = 2
 rotate_axis = [0, 0, 2]
@@ -50,6 +49,9 @@ remesh = "adaptive"
 patches = 4000
 feature_angle_deg = 35
 noise_mm = 0.02
+near_edge_ratio = 0.5
+close_holes_mm = 3
+close_contact_mm = 6
 
 [object.lamp]
 mesh = "lamp.obj"
@@ -84,10 +86,6 @@ height_px = 480
 first_nm = 400
 last_nm = 690
 
-[contact]
-close_mm = 0.5
-region_mm = 3
-
 [solve]
 bounces = 4
 tolerance = 1e-8
@@ -105,6 +103,7 @@ gather_tolerance = 1e-4
 exposure = 1.5
 components = false
 split_li = true
+contact_region_mm = 3
 spectra_px = [[0, 0], [639, 479]]
 )";
 
@@ -171,12 +170,14 @@ TEST_F(SceneFile, ReadsEveryKey) {
   EXPECT_EQ(left.material, 1);
   EXPECT_EQ(left.sides, Sides::kTwo);
   EXPECT_FALSE(left.smooth);
-  EXPECT_TRUE(left.fill_holes);
   EXPECT_TRUE(left.reverse);
   EXPECT_EQ(left.remesh, RemeshKind::kAdaptive);
   EXPECT_EQ(left.patches, 4000);
   EXPECT_EQ(left.feature_angle_deg, 35.0);
   EXPECT_EQ(left.noise_mm, 0.02);
+  EXPECT_EQ(left.near_edge_ratio, 0.5);
+  EXPECT_EQ(left.close_holes_mm, 3.0);
+  EXPECT_EQ(left.close_contact_mm, 6.0);
   // Twice the size, a quarter turn about z (x becomes y), then the shift: (1, 0, 0) -> (0, 2, 0) -> (1, 4, 3.5).
   const Eigen::Vector3d moved = left.world_from_mesh * Eigen::Vector3d(1.0, 0.0, 0.0);
   EXPECT_LT((moved - Eigen::Vector3d(1.0, 4.0, 3.5)).norm(), 1e-14);
@@ -203,9 +204,7 @@ TEST_F(SceneFile, ReadsEveryKey) {
   EXPECT_EQ(scene.camera.height, 480);
   EXPECT_EQ(scene.camera.first_band, 10);  // 350 + 10 * 5 = 400
   EXPECT_EQ(scene.camera.last_band, 68);   // 350 + 68 * 5 = 690
-  EXPECT_TRUE(scene.contact.close);
-  EXPECT_EQ(scene.contact.close_within_mm, 0.5);
-  EXPECT_EQ(scene.contact.region_mm, 3.0);
+  EXPECT_EQ(scene.output.contact_region_mm, 3.0);
   EXPECT_EQ(scene.solve.bounces, 4);
   EXPECT_EQ(scene.solve.tolerance, 1e-8);
   EXPECT_EQ(scene.solve.max_iterations, 50);
@@ -258,13 +257,13 @@ TEST_F(SceneFile, UnknownKeysNameTheNearestKnownOne) {
   expect_refused("scale = 0.9", "scal = 0.9", "material.white.scal", "0.9", "\"scale\"");
   expect_refused("half_angle_deg = 0.27", "half_angel_deg = 0.27", "light.sun.half_angel_deg", "0.27",
                  "\"half_angle_deg\"");
-  expect_refused("close_mm = 0.5", "close = 0.5", "contact.close", "0.5", "Known keys here");
+  expect_refused("close_contact_mm = 6", "close_contct = 6", "object.left.close_contct", "6", "\"close_contact_mm\"");
   expect_refused("exposure = 1.5", "exposre = 1.5", "output.exposre", "1.5", "\"exposure\"");
 }
 
 TEST_F(SceneFile, WrongTypesAreNamed) {
   expect_refused("unit_mm = 1000", "unit_mm = \"m\"", "object.left.unit_mm", "\"m\"", "expected a number above 0");
-  expect_refused("fill_holes = true", "fill_holes = 1", "object.left.fill_holes", "1", "true or false");
+  expect_refused("reverse = true", "reverse = 1", "object.left.reverse", "1", "true or false");
   expect_refused("patches = 4000", "patches = 4e3", "object.left.patches", "4000", "a whole number");
   expect_refused("material = \"red\"", "material = 3", "object.left.material", "3", "text in quotes");
   expect_refused("translate_mm = [1, 2, 3.5]", "translate_mm = [1, 2]", "object.left.translate_mm", "[1, 2]",
@@ -384,7 +383,7 @@ TEST_F(SceneFile, ContradictionsAreNamed) {
   refused_with("[camera]", "[light.two]\nkind = \"surface\"\nspectrum = 1\nobject = \"lamp\"\n[camera]",
                "light.two.object", "\"glow\"");
   EXPECT_THAT(message("[object.lamp]", "[object.left]"),
-              testing::AllOf(HasSubstr(":35: "), HasSubstr("object.left"), HasSubstr("already exists")));
+              testing::AllOf(StartsWith(place("[object.lamp]", "table")), HasSubstr("object.left"), HasSubstr("already exists")));
 }
 
 TEST_F(SceneFile, WavelengthsMustFit) {
