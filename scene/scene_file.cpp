@@ -9,45 +9,29 @@
 
 #include "diagnostics/error.h"
 #include "diagnostics/suggestion.h"
-#include "files/data_directory.h"
 #include "scene/key_reader.h"
 #include "scene/toml_tree.h"
+#include "spectral/shipped_tables.h"
 
 namespace interglow::scene {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kShipped = "interglow:";
-
 /// The file that a key names: relative to the scene file, or a shipped table.
 fs::path existing_file(const KeyReader& keys, std::string_view key, const std::string& text, const fs::path& folder) {
-  std::error_code error;
-  if (text.starts_with(kShipped)) {
-    const fs::path tables = files::tables_directory();
-    fs::path path = tables / text.substr(kShipped.size());
-    if (!fs::is_regular_file(path, error)) path += ".csv";
-    if (fs::is_regular_file(path, error)) return path;
-    std::vector<std::string> known;
-    for (const auto& entry : fs::recursive_directory_iterator(tables, error)) {
-      if (entry.path().extension() == ".csv") {
-        known.push_back(std::string(kShipped) +
-                        entry.path().lexically_relative(tables).replace_extension().generic_string());
-      }
-    }
-    std::sort(known.begin(), known.end());
-    const auto nearest = nearest_word(text, known);
-    keys.fail(key,
-              fmt::format("\"{}\" is not a table that the program ships. {}", text,
-                          nearest ? "Did you mean \"" + *nearest + "\"?" : "They are in " + tables.string() + "."));
+  fs::path path;
+  try {
+    path = spectral::find_table(text, folder);
+  } catch (const InvalidInput& error) {
+    keys.fail(key, error.what());
   }
-  const fs::path path = fs::path(text).is_absolute() ? fs::path(text) : folder / text;
+  std::error_code error;
   if (!fs::is_regular_file(path, error)) {
-    keys.fail(
-        key,
-        fmt::format(
-            "\"{}\" was not found ({}); expected a file, relative to the folder of the scene file. Correct the path.",
-            text, path.lexically_normal().string()));
+    keys.fail(key,
+              fmt::format("\"{}\" was not found ({}); expected a file, named relative to the folder of the scene file. "
+                          "Correct the path.",
+                          text, path.lexically_normal().string()));
   }
   return path.lexically_normal();
 }

@@ -325,6 +325,14 @@ TEST_F(SceneFile, FilesMustExist) {
   EXPECT_THAT(message("mesh = \"left.obj\"", "mesh = \".\""), HasSubstr("not found")) << "a folder is no mesh";
 }
 
+TEST_F(SceneFile, ShippedTablesAreFoundByName) {
+  std::string text = kFull;
+  text.replace(text.find("\"red.csv\""), 9, "\"interglow:illuminants/d65\"");
+  EXPECT_TRUE(std::filesystem::is_regular_file(parse(text).materials[1].reflectance->file));
+  expect_refused("spectrum = \"red.csv\"", "spectrum = \"interglow:illuminants/d66\"", "light.sun.spectrum",
+                 "interglow:illuminants/d66", "interglow:illuminants/d65");
+}
+
 TEST_F(SceneFile, MissingKeysAreNamed) {
   const auto missing = [&](const std::string& line, const std::string& table, const std::string& key) {
     EXPECT_THAT(message(line, ""), testing::AllOf(StartsWith(folder_.string()), HasSubstr(": " + table + ": "),
@@ -383,7 +391,8 @@ TEST_F(SceneFile, ContradictionsAreNamed) {
   refused_with("[camera]", "[light.two]\nkind = \"surface\"\nspectrum = 1\nobject = \"lamp\"\n[camera]",
                "light.two.object", "\"glow\"");
   EXPECT_THAT(message("[object.lamp]", "[object.left]"),
-              testing::AllOf(StartsWith(place("[object.lamp]", "table")), HasSubstr("object.left"), HasSubstr("already exists")));
+              testing::AllOf(StartsWith(place("[object.lamp]", "table")), HasSubstr("object.left"),
+                             HasSubstr("already exists")));
 }
 
 TEST_F(SceneFile, WavelengthsMustFit) {

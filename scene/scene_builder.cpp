@@ -1,0 +1,182 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "scene/scene_builder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "files/sha256.h"
+#include "scene/corner_normals.h"
+#include "spectral/donaldson_file.h"
+#include "spectral/spectrum_file.h"
+
+namespace interglow::scene {
+namespace {
+
+/// Runs `load`; a complaint about a file's content is preceded by the line of the scene file that names it.
+template <typename Load>
+auto at_place(const std::string& place, const Load& load) {
+  try {
+    return load();
+  } catch (const InvalidInput& error) {
+    throw InvalidInput(place + ": " + error.what());
+  } catch (const InvalidParams& error) {
+    throw InvalidInput(place + ": " + error.what());
+  }
+}
+
+class Builder {
+ public:
+  Builder(const SceneDescription& description, const Progress& progress)
+      : description_(description), progress_(progress) {}
+
+  BuiltScene build() {
+    if (std::filesystem::exists(description_.file)) note_input(description_.file);
+    Scene& scene = built_.scene;
+    scene.grid = description_.grid;
+    scene.camera = description_.camera;
+    for (const MaterialDescription& material : description_.materials)
+      scene.materials.push_back(load_material(material));
+    for (const ObjectDescription& object : description_.objects) scene.objects.push_back(load_object(object));
+    for (const LightDescription& light : description_.lights) add_light(light);
+    at_place(description_.file.string(), [&] { validate(scene); });
+    return std::move(built_);
+  }
+
+ private:
+  void note_input(const std::filesystem::path& path) {
+    const auto known = [&](const InputFile& input) { return input.path == path; };
+    if (std::none_of(built_.inputs.begin(), built_.inputs.end(), known)) {
+      built_.inputs.push_back({path, files::sha256_of_file(path)});
+    }
+  }
+
+  void add_warnings(const std::string& place, const Warnings& warnings) {
+    for (const std::string& warning : warnings) built_.warnings.push_back(place + ": " + warning);
+  }
+
+  spectral::Material load_material(const MaterialDescription& described) {
+    const spectral::WavelengthGrid& grid = description_.grid;
+    spectral::Material material;
+    material.name = described.name;
+    if (!described.reflectance) {
+      note_input(described.donaldson);
+      const auto reading =
+          at_place(described.place, [&] { return spectral::read_donaldson(described.donaldson, grid); });
+      add_warnings(described.place, reading.warnings);
+      material.donaldson = reading.donaldson;
+    } else if (described.reflectance->constant) {
+      material.donaldson.reflectance = Eigen::VectorXd::Constant(grid.size(), *described.reflectance->constant);
+    } else {
+      const SpectrumSource& source = *described.reflectance;
+      note_input(source.file);
+      const auto reading =
+          at_place(source.place, [&] { return spectral::read_reflectance(source.file, source.column, grid); });
+      add_warnings(source.place, reading.warnings);
+      material.donaldson = reading.donaldson;
+    }
+    material.donaldson.reflectance *= described.scale;
+    material.donaldson.luminescence *= described.scale;
+    Eigen::Index band = 0;
+    const double largest = material.donaldson.reflectance.maxCoeff(&band);
+    if (largest > 1.0) {
+      throw InvalidInput(
+          fmt::format("{}: with scale {} the reflectance is {} at {} nm, expected at most 1. Lower the scale.",
+                      described.place, described.scale, largest, grid.center_nm(band)));
+    }
+    add_warnings(described.place, at_place(described.place, [&] { return spectral::validate(material, grid); }));
+    return material;
+  }
+
+  Object load_object(const ObjectDescription& described) {
+    progress_.update("reading " + described.name, 0.0);
+    note_input(described.mesh);
+    mesh::ScanFile scan =
+        at_place(described.place, [&] { return mesh::read_scan(described.mesh, {.mm_per_unit = described.unit_mm}); });
+    add_warnings(described.place, scan.report.warnings);
+    for (Eigen::Vector3d& point : scan.mesh.points) point = described.world_from_mesh * point;
+    if (described.reverse) {
+      for (auto& triangle : scan.mesh.triangles) std::swap(triangle[1], triangle[2]);
+    }
+    if (described.remesh != RemeshKind::kNone) {
+      throw InvalidInput(described.place + ": remesh = \"adaptive\" cannot be done yet. Set remesh = \"none\".");
+    }
+    Object object;
+    object.name = described.name;
+    object.material = described.material;
+    object.sides = described.sides;
+    object.patches.points = std::move(scan.mesh.points);
+    for (const auto& triangle : scan.mesh.triangles)
+      object.patches.faces.push_back({triangle[0], triangle[1], triangle[2], -1});
+    object.patches.closed = mesh::is_closed(object.patches);
+    if (described.smooth) object.patches.corner_normals = corner_normals(object.patches, described.feature_angle_deg);
+    if (object.patches.closed && object.sides == Sides::kTwo) {
+      throw InvalidInput(described.place +
+                         ": the mesh is closed, but sides = \"two\"; a closed solid is one-sided. Remove \"sides\".");
+    }
+    built_.objects.push_back({described.name, described.mesh, scan.report});
+    return object;
+  }
+
+  /// The spectrum on the grid, scaled to the level if one is given.
+  Eigen::VectorXd load_light_spectrum(const LightDescription& light) {
+    const spectral::WavelengthGrid& grid = description_.grid;
+    Eigen::VectorXd bands;
+    if (light.spectrum.constant) {
+      bands = Eigen::VectorXd::Constant(grid.size(), *light.spectrum.constant);
+    } else {
+      note_input(light.spectrum.file);
+      const std::string& place = light.spectrum.place;
+      bands = at_place(place, [&] {
+        const spectral::Spectrum table = spectral::read_spectrum(light.spectrum.file, light.spectrum.column);
+        add_warnings(place, spectral::warn_where_uncovered(table, grid, spectral::Outside::kZero));
+        return spectral::band_means(table, grid, spectral::Outside::kZero);
+      });
+      Eigen::Index least = 0;
+      if (bands.minCoeff(&least) < 0.0) {
+        throw InvalidInput(fmt::format("{}: {} at {} nm; light cannot be negative. Correct the table.", place,
+                                       bands[least], grid.center_nm(least)));
+      }
+    }
+    const double integral = bands.dot(grid.widths_nm());
+    if (!(integral > 0.0)) {
+      throw InvalidInput(
+          fmt::format("{}: the light is zero in all bands ({} to {} nm). Choose a table that covers them.",
+                      light.spectrum.place, grid.lower_edge_nm(0), grid.upper_edge_nm(grid.size() - 1)));
+    }
+    return light.integral ? Eigen::VectorXd(bands * (*light.integral / integral)) : bands;
+  }
+
+  void add_light(const LightDescription& light) {
+    Eigen::VectorXd spectrum = load_light_spectrum(light);
+    switch (light.kind) {
+      case LightKind::kDirectional:
+        built_.scene.directional_lights.push_back(
+            {light.name, light.direction, std::move(spectrum), light.half_angle_deg * std::numbers::pi / 180.0});
+        break;
+      case LightKind::kSurface:
+        // Exitance = π × radiance of a diffuse emitter.
+        if (light.integral_is_radiance) spectrum *= std::numbers::pi;
+        built_.scene.objects[static_cast<std::size_t>(light.object)].exitance = std::move(spectrum);
+        break;
+      case LightKind::kSky:
+        built_.scene.sky = SkyLight{light.name, std::move(spectrum)};
+        break;
+    }
+  }
+
+  const SceneDescription& description_;
+  const Progress& progress_;
+  BuiltScene built_;
+};
+
+}  // namespace
+
+BuiltScene build_scene(const SceneDescription& description, const Progress& progress) {
+  return Builder(description, progress).build();
+}
+
+}  // namespace interglow::scene

@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "scene/scene_builder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <numbers>
+#include <string>
+
+#include "diagnostics/error.h"
+
+namespace interglow::scene {
+namespace {
+
+using testing::HasSubstr;
+
+// A unit cube, faces outward.
+constexpr const char* kCube = R"(v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+v 0 0 1
+v 1 0 1
+v 1 1 1
+v 0 1 1
+f 1 4 3 2
+f 5 6 7 8
+f 1 2 6 5
+f 2 3 7 6
+f 3 4 8 7
+f 4 1 5 8
+)";
+
+constexpr const char* kScene = R"([material.grey]
+reflectance = 0.5
+scale = 0.8
+[material.ramp]
+reflectance = "ramp.csv"
+[object.cube]
+mesh = "cube.obj"
+unit_mm = 10
+material = "ramp"
+remesh = "none"
+rotate_axis = [0, 0, 1]
+rotate_deg = 90
+translate_mm = [100, 0, 0]
+[object.lamp]
+mesh = "sheet.obj"
+material = "grey"
+remesh = "none"
+sides = "two"
+[light.sun]
+kind = "directional"
+direction = [0, 0, -1]
+spectrum = "light.csv"
+irradiance_W_m2 = 70
+half_angle_deg = 0.5
+[light.glow]
+kind = "surface"
+object = "lamp"
+spectrum = 1
+radiance_W_m2_sr = 4
+[light.sky]
+kind = "sky"
+spectrum = 0.25
+[camera]
+position_mm = [0, 0, 500]
+target_mm = [0, 0, 0]
+horizontal_fov_deg = 20
+)";
+
+class SceneBuilder : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() /
+              ("interglow_builder_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+    std::filesystem::create_directories(folder_);
+    write("cube.obj", kCube);
+    write("sheet.obj", "v 0 0 -5\nv 50 0 -5\nv 50 50 -5\nv 0 50 -5\nf 1 2 3 4\n");
+    write("ramp.csv", "wavelength_nm,r\n350,0\n700,0.7\n");
+    write("light.csv", "wavelength_nm,e\n400,1\n405,1\n700,1\n");
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
+
+  BuiltScene build(const std::string& from = "", const std::string& to = "") const {
+    std::string text = kScene;
+    if (!from.empty()) text.replace(text.find(from), from.size(), to);
+    return build_scene(parse_scene(text, folder_ / "scene.toml"));
+  }
+  std::string message(const std::string& from, const std::string& to) const {
+    try {
+      build(from, to);
+    } catch (const InvalidInput& error) {
+      return error.what();
+    }
+    return "no exception";
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(SceneBuilder, TransformsAndKeepsTheTriangles) {
+  const BuiltScene built = build();
+  ASSERT_EQ(built.scene.objects.size(), 2U);
+  const Object& cube = built.scene.objects[0];
+  EXPECT_EQ(cube.patches.points.size(), 8U);
+  EXPECT_EQ(cube.patches.faces.size(), 12U);
+  EXPECT_TRUE(cube.patches.closed);
+  EXPECT_TRUE(cube.patches.corner_normals.empty()) << "flat, because the triangles are kept";
+  // (1, 0, 0) in units of 10 mm, a quarter turn about z, 100 mm along x.
+  EXPECT_LT((cube.patches.points[1] - Eigen::Vector3d(100.0, 10.0, 0.0)).norm(), 1e-12);
+  EXPECT_NEAR(mesh::total_area(cube.patches), 600.0, 1e-10);
+  EXPECT_FALSE(built.scene.objects[1].patches.closed);
+  EXPECT_EQ(built.scene.objects[1].sides, Sides::kTwo);
+}
+
+TEST_F(SceneBuilder, ReverseTurnsTheFrontRound) {
+  const BuiltScene given = build();
+  const BuiltScene reversed = build("unit_mm = 10", "unit_mm = 10\nreverse = true");
+  for (std::size_t f = 0; f < 12; ++f) {
+    const auto area = [f](const BuiltScene& built) {
+      return mesh::vector_area(built.scene.objects[0].patches, built.scene.objects[0].patches.faces[f]);
+    };
+    EXPECT_LT((area(given) + area(reversed)).norm(), 1e-10) << "face " << f;
+  }
+}
+
+TEST_F(SceneBuilder, PutsMaterialsOnTheGrid) {
+  const BuiltScene built = build();
+  EXPECT_LT((built.scene.materials[0].donaldson.reflectance.array() - 0.4).abs().maxCoeff(), 1e-15)
+      << "0.5 scaled by 0.8";
+  // A straight line's mean over a band is its value at the band's centre: (λ - 350) / 500; the outer bands hold the end
+  // values.
+  for (int band = 1; band < 70; ++band) {
+    EXPECT_NEAR(built.scene.materials[1].donaldson.reflectance[band], 0.01 * band, 1e-12) << "band " << band;
+  }
+}
+
+TEST_F(SceneBuilder, ScalesLightsToTheirLevels) {
+  const BuiltScene built = build();
+  const Eigen::VectorXd& widths = built.scene.grid.widths_nm();
+  const DirectionalLight& sun = built.scene.directional_lights.at(0);
+  EXPECT_NEAR(sun.normal_irradiance.dot(widths), 70.0, 1e-10);
+  EXPECT_EQ(sun.normal_irradiance[0], 0.0) << "350 nm lies outside the table";
+  EXPECT_NEAR(sun.half_angle_rad, 0.5 * std::numbers::pi / 180.0, 1e-16);
+  // A radiance of 4 is an exitance of 4π.
+  EXPECT_NEAR(built.scene.objects[1].exitance.dot(widths), 4.0 * std::numbers::pi, 1e-10);
+  EXPECT_FALSE(built.scene.objects[0].emits());
+  ASSERT_TRUE(built.scene.sky);
+  EXPECT_EQ(built.scene.sky->radiance[3], 0.25) << "absolute without a level";
+}
+
+TEST_F(SceneBuilder, WarnsWhereTheTableOfALightEnds) {
+  const BuiltScene built = build();
+  EXPECT_THAT(built.warnings,
+              testing::Contains(testing::AllOf(HasSubstr("light.sun.spectrum"), HasSubstr("light.csv"))));
+}
+
+TEST_F(SceneBuilder, ListsItsInputsOnce) {
+  const BuiltScene built = build("mesh = \"sheet.obj\"\nmaterial = \"grey\"\nremesh = \"none\"\nsides = \"two\"",
+                                 "mesh = \"cube.obj\"\nmaterial = \"grey\"\nremesh = \"none\"");
+  std::vector<std::string> names;
+  for (const InputFile& input : built.inputs) {
+    names.push_back(input.path.filename().string());
+    EXPECT_EQ(input.sha256.size(), 64U);
+  }
+  EXPECT_EQ(names, (std::vector<std::string>{"ramp.csv", "cube.obj", "light.csv"}));
+}
+
+TEST_F(SceneBuilder, RefusesBadContentWithBothPlaces) {
+  const auto refusal = [&](const std::string& from, const std::string& to, const std::string& line_and_key,
+                           const std::string& content) {
+    EXPECT_THAT(message(from, to), testing::AllOf(HasSubstr("scene.toml:" + line_and_key + ": "), HasSubstr(content)));
+  };
+  write("bad.obj", "v 0 0 0\nv 1 0 0\n");
+  write("bad.csv", "wavelength_nm,r\n400,0.5\n390,0.5\n");
+  write("high.csv", "wavelength_nm,r\n400,0.5\n700,0.9\n");
+  write("dark.csv", "wavelength_nm,e\n800,1\n900,1\n");
+  write("negative.csv", "wavelength_nm,e\n400,1\n500,-1\n600,1\n");
+  refusal("mesh = \"cube.obj\"", "mesh = \"bad.obj\"", "7: object.cube.mesh", "bad.obj");
+  refusal("\"ramp.csv\"", "\"bad.csv\"", "5: material.ramp.reflectance", "bad.csv");
+  refusal("\"ramp.csv\"", "\"high.csv\"\nscale = 1.5", "4: material.ramp", "scale 1.5");
+  refusal("\"light.csv\"", "\"dark.csv\"", "22: light.sun.spectrum", "zero in all bands");
+  refusal("\"light.csv\"", "\"negative.csv\"", "22: light.sun.spectrum", "negative");
+  refusal("\"light.csv\"", "\"light.csv\"\nspectrum_column = \"x\"", "22: light.sun.spectrum", "x");
+  refusal("mesh = \"sheet.obj\"", "mesh = \"cube.obj\"", "15: object.lamp.mesh", "one-sided");
+}
+
+}  // namespace
+}  // namespace interglow::scene
