@@ -13,8 +13,8 @@ namespace interglow::image {
 struct SpectralImage {
   int width = 0;
   int height = 0;
-  Eigen::VectorXd wavelength_nm;    ///< band centres, increasing
-  std::vector<float> value;         ///< height × width × bands
+  Eigen::VectorXd wavelength_nm;  ///< band centres, increasing
+  std::vector<float> value;       ///< height × width × bands
 
   int bands() const { return static_cast<int>(wavelength_nm.size()); }
   std::size_t offset(int row, int column) const {

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "image/channel_file.h"
+
+#include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
+
+#include <cassert>
+#include <fstream>
+#include <memory>
+
+#include "diagnostics/error.h"
+#include "files/atomic_file.h"
+
+namespace interglow::image {
+namespace {
+
+namespace fs = std::filesystem;
+
+void require_exr(const fs::path& path) {
+  std::error_code error;
+  if (fs::is_directory(path, error))
+    throw InvalidInput(path.string() + ": this is a folder; expected an OpenEXR file.");
+  std::ifstream stream(path, std::ios::binary);
+  if (!stream) throw InvalidInput(path.string() + ": this file cannot be opened. Check the name and the permissions.");
+  char magic[4] = {};
+  stream.read(magic, sizeof magic);
+  const std::string found(magic, static_cast<std::size_t>(stream.gcount()));
+  if (found != std::string("\x76\x2f\x31\x01", 4)) {
+    throw InvalidInput(path.string() +
+                       ": this is not an OpenEXR file (its first bytes are not 76 2f 31 01). Convert the image "
+                       "to OpenEXR.");
+  }
+}
+
+/// Refuses headers that promise far more than the file can hold, before anything is allocated for it.
+void require_plausible_size(const fs::path& path, const OIIO::ImageSpec& spec) {
+  // Deflate, the strongest of the compressions, shrinks constant data by at most 1032.
+  constexpr double kLargestRatio = 1032.0;
+  constexpr double kLargestBytes = 64e9;
+  const double bytes = 4.0 * spec.width * spec.height * spec.nchannels;
+  std::error_code error;
+  const double held = static_cast<double>(fs::file_size(path, error));
+  if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0 || spec.depth > 1 || spec.deep || error ||
+      bytes > kLargestRatio * held || bytes > kLargestBytes) {
+    throw InvalidInput(
+        fmt::format("{}: {} x {} pixels with {} channels{} in a file of {} bytes; expected a flat image that the file "
+                    "can hold. Write it "
+                    "again.",
+                    path.string(), spec.width, spec.height, spec.nchannels, spec.deep ? " (deep)" : "", held));
+  }
+}
+
+[[noreturn]] void fail_write(const fs::path& path, const std::string& reason) {
+  throw InvalidInput(fmt::format("{}: cannot be written ({}). Check that the folder is writable and the disk has room.",
+                                 path.string(), reason));
+}
+
+void write(const fs::path& path, const OIIO::ImageSpec& spec, const void* value) {
+  files::write_atomically(path, [&](const fs::path& temporary) {
+    const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(path.extension().string().substr(1));
+    if (!output) fail_write(path, OIIO::geterror());
+    if (!output->open(temporary.string(), spec) || !output->write_image(spec.format, value) || !output->close()) {
+      fail_write(path, output->geterror());
+    }
+  });
+}
+
+void require_extension(const fs::path& path, const std::string& extension) {
+  if (path.extension() == extension) return;
+  throw InvalidParams(fmt::format("{}: expected a file name ending in {}.", path.string(), extension));
+}
+
+void write_png(const fs::path& path, OIIO::ImageSpec spec, const void* value, const Attributes& attributes) {
+  require_extension(path, ".png");
+  for (const auto& [name, text] : attributes) spec.attribute(name, text);
+  write(path, spec, value);
+}
+
+}  // namespace
+
+ChannelImage read_exr_channels(const fs::path& path) {
+  require_exr(path);
+  const std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path.string());
+  if (!input) {
+    throw InvalidInput(
+        fmt::format("{}: not a readable OpenEXR file ({}). Write it again.", path.string(), OIIO::geterror()));
+  }
+  const OIIO::ImageSpec& spec = input->spec();
+  require_plausible_size(path, spec);
+  ChannelImage image;
+  image.width = spec.width;
+  image.height = spec.height;
+  image.channel = spec.channelnames;
+  for (const OIIO::ParamValue& attribute : spec.extra_attribs) {
+    if (attribute.type() == OIIO::TypeString)
+      image.attributes.emplace_back(attribute.name().string(), attribute.get_string());
+    if (attribute.type() == OIIO::TypeFloat)
+      image.numbers.emplace_back(attribute.name().string(), attribute.get_float());
+  }
+  image.value.resize(static_cast<std::size_t>(spec.width) * static_cast<std::size_t>(spec.height) *
+                     image.channel.size());
+  if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeFloat, image.value.data())) {
+    throw InvalidInput(
+        fmt::format("{}: the pixels cannot be read ({}); the file is damaged or cut off. Write it again.",
+                    path.string(), input->geterror()));
+  }
+  return image;
+}
+
+void write_exr_channels(const fs::path& path, const ChannelImage& image) {
+  require_extension(path, ".exr");
+  assert(image.value.size() ==
+         static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height) * image.channel.size());
+  OIIO::ImageSpec spec(image.width, image.height, static_cast<int>(image.channel.size()), OIIO::TypeFloat);
+  spec.channelnames = image.channel;
+  // Of the lossless ones PIZ gave the smallest files of spectral images in the least time but RLE's.
+  spec.attribute("compression", "piz");
+  for (const auto& [name, text] : image.attributes) spec.attribute(name, text);
+  for (const auto& [name, number] : image.numbers) spec.attribute(name, number);
+  write(path, spec, image.value.data());
+}
+
+void write_png_bytes(const fs::path& path, int width, int height, int channels, const std::vector<std::uint8_t>& value,
+                     const Attributes& attributes) {
+  OIIO::ImageSpec spec(width, height, channels, OIIO::TypeUInt8);
+  spec.attribute("oiio:ColorSpace", "sRGB");
+  write_png(path, std::move(spec), value.data(), attributes);
+}
+
+void write_png_words(const fs::path& path, int width, int height, int channels, const std::vector<std::uint16_t>& value,
+                     const Attributes& attributes) {
+  write_png(path, OIIO::ImageSpec(width, height, channels, OIIO::TypeUInt16), value.data(), attributes);
+}
+
+}  // namespace interglow::image
