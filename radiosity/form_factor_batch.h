@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Form factors of very many unoccluded pairs: the cheapest rule for each, vectors of pairs at a time.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "radiosity/form_factor.h"
+#include "radiosity/polygon.h"
+
+namespace interglow::radiosity {
+
+namespace batch {
+struct PatchRecord;
+struct Kernels;
+}  // namespace batch
+
+/// Polygons made ready once; then any list of pairs, from any thread.
+///
+/// Pairs that stand apart take a product rule of 1 to 6 points per direction on both patches, chosen by the bound
+/// |error| <= (2m + 1) (S1 / D1^2m + S2 / D2^2m) A1 A2 / (π (d - R1 - R2)²), which follows from the Taylor coefficients
+/// of cosθ cosθ' / (π r²) (docs/form-factors.md). All others go to `exchange_area`. Vectors of 8, 4 or 2 pairs, as the
+/// processor has AVX-512, AVX2 or neither. A pair's value depends on the two polygons and the tolerance alone: not on
+/// its neighbours in the list, the thread, or the order of the two.
+class FormFactorBatch {
+ public:
+  /// @throws InvalidParams if a corner is not finite. Patches without area are kept and exchange nothing.
+  explicit FormFactorBatch(std::vector<Polygon> polygons);
+  ~FormFactorBatch();
+  FormFactorBatch(FormFactorBatch&&) noexcept;
+  FormFactorBatch& operator=(FormFactorBatch&&) noexcept;
+
+  std::size_t size() const { return polygons_.size(); }
+  const Polygon& polygon(std::size_t i) const { return polygons_[i]; }
+  double area(std::size_t i) const;  ///< unit² of the coordinates
+
+  /// Exchange areas A_one F_one,other for each of `others`, into `results` of the same length.
+  ///
+  /// @param tolerance  wanted absolute error of both form factors of a pair; 0 asks for round-off
+  /// Cost: about 10 ns (tolerance 1e-4, far) to some µs (touching, 1e-14) a pair.
+  void exchange_areas(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance,
+                      std::span<FormFactor> results) const;
+
+  /// The instruction set in use: "AVX-512", "AVX2" or "SSE2".
+  const char* instruction_set() const;
+
+ private:
+  std::vector<Polygon> polygons_;
+  std::vector<batch::PatchRecord> records_;
+  const batch::Kernels* kernels_;
+  double unit_ = 1.0;  ///< a power of two: coordinates of the records times it are the polygons', moved
+};
+
+}  // namespace interglow::radiosity
