@@ -12,7 +12,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   Session session;
   std::function<int()> action;
-  // add_..._command(app, session, action), one line a command
+  add_compare_command(app, session, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
