@@ -144,10 +144,11 @@ double noise_of(const BispectralTable& table) {
   return 1.4826 * *middle;  // of a normal distribution
 }
 
-/// Bands whose Stokes entries together stand out of the noise and reach a hundredth of the strongest band.
+/// Bands whose Stokes entries together stand out of the noise and reach a hundredth of the strongest band; in a table
+/// without noise (a fit, a formula) all that radiate.
 Eigen::Array<bool, Eigen::Dynamic, 1> bands_with_signal(const Eigen::VectorXd& sums, const Eigen::VectorXd& counts,
                                                         double noise) {
-  const double floor = 0.01 * sums.maxCoeff();
+  const double floor = noise > 0.0 ? 0.01 * sums.maxCoeff() : 0.0;
   return sums.array() > (3.0 * noise * counts.array().sqrt()).max(floor);
 }
 

@@ -238,6 +238,17 @@ TEST(ReadDonaldson, TripleOnItsOwnGridIsTheProduct) {
   EXPECT_NEAR(L(60, 30) * L(55, 35), L(60, 35) * L(55, 30), 1e-18);
 }
 
+TEST(ReadDonaldson, FaintBandsOfATripleAreKept) {
+  // There is no noise in a formula: an emission of a thousandth of the peak is as true as the peak.
+  const TableText file("wavelength_nm,S,alpha,beta\n400,0.2,0,0.05\n410,0.3,0.001,0.05\n420,0.4,1,0\n");
+  const WavelengthGrid grid = WavelengthGrid::uniform(400, 420, 10);
+  const DonaldsonReading reading = read_donaldson(file.path(), grid);
+  EXPECT_NEAR(reading.donaldson.luminescence(1, 0), 0.001 * 0.05 * 10.0, 1e-18);
+  EXPECT_NEAR(reading.donaldson.luminescence(2, 0), 0.5, 1e-15);
+  EXPECT_NEAR(reading.donaldson.luminescence(2, 1), 0.5, 1e-15);
+  EXPECT_TRUE(reading.warnings.empty());
+}
+
 /// Root mean square difference of the total radiance factors under flat light, 400 to 700 nm.
 double rms_difference(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
   return std::sqrt((a - b).tail(61).squaredNorm() / 61.0);
