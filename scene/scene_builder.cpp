@@ -40,7 +40,7 @@ class Builder {
     scene.camera = description_.camera;
     for (const MaterialDescription& material : description_.materials)
       scene.materials.push_back(load_material(material));
-    for (const ObjectDescription& object : description_.objects) scene.objects.push_back(load_object(object));
+    load_objects();
     for (const LightDescription& light : description_.lights) add_light(light);
     at_place(description_.file.string(), [&] { validate(scene); });
     return std::move(built_);
@@ -91,34 +91,67 @@ class Builder {
     return material;
   }
 
-  Object load_object(const ObjectDescription& described) {
-    progress_.update("reading " + described.name, 0.0);
+  /// Reads, repairs and transforms one mesh.
+  mesh::RemeshInput load_scan(const ObjectDescription& described) {
     note_input(described.mesh);
     mesh::ScanFile scan =
         at_place(described.place, [&] { return mesh::read_scan(described.mesh, {.mm_per_unit = described.unit_mm}); });
     add_warnings(described.place, scan.report.warnings);
-    for (Eigen::Vector3d& point : scan.mesh.points) point = described.world_from_mesh * point;
+    ObjectReport report{
+        .name = described.name, .file = described.mesh, .read = scan.report, .repair = {}, .remesh = {}};
+    mesh::RemeshInput input{.name = described.name, .scan = std::move(scan.mesh), .params = {}};
+    if (described.remesh == RemeshKind::kNone) {
+      input.params.keep_triangles = true;
+    } else {
+      mesh::Repaired repaired = at_place(described.place, [&] { return mesh::repair(std::move(input.scan)); });
+      add_warnings(described.place, repaired.report.warnings);
+      report.repair = std::move(repaired.report);
+      input.scan = std::move(repaired.mesh);
+      input.params = {.keep_triangles = false,
+                      .patches = described.patches,
+                      .edge_length_mm = described.edge_length_mm,
+                      .feature_angle_deg = described.feature_angle_deg,
+                      .noise_sigma_mm = described.noise_mm,
+                      .proximity_ratio = described.near_edge_ratio,
+                      .close_holes_mm = described.close_holes_mm,
+                      .close_contact_mm = described.close_contact_mm};
+    }
+    // A closed piece has been turned outward by now, so that `reverse` makes a room of it.
     if (described.reverse) {
-      for (auto& triangle : scan.mesh.triangles) std::swap(triangle[1], triangle[2]);
+      for (auto& triangle : input.scan.triangles) std::swap(triangle[1], triangle[2]);
     }
-    if (described.remesh != RemeshKind::kNone) {
-      throw InvalidInput(described.place + ": remesh = \"adaptive\" cannot be done yet. Set remesh = \"none\".");
+    for (Eigen::Vector3d& point : input.scan.points) point = described.world_from_mesh * point;
+    built_.objects.push_back(std::move(report));
+    return input;
+  }
+
+  void load_objects() {
+    std::vector<mesh::RemeshInput> inputs;
+    for (const ObjectDescription& object : description_.objects) {
+      progress_.update("reading meshes",
+                       static_cast<double>(inputs.size()) / static_cast<double>(description_.objects.size()));
+      inputs.push_back(load_scan(object));
     }
-    Object object;
-    object.name = described.name;
-    object.material = described.material;
-    object.sides = described.sides;
-    object.patches.points = std::move(scan.mesh.points);
-    for (const auto& triangle : scan.mesh.triangles)
-      object.patches.faces.push_back({triangle[0], triangle[1], triangle[2], -1});
-    object.patches.closed = mesh::is_closed(object.patches);
-    if (described.smooth) object.patches.corner_normals = corner_normals(object.patches, described.feature_angle_deg);
-    if (object.patches.closed && object.sides == Sides::kTwo) {
-      throw InvalidInput(described.place +
-                         ": the mesh is closed, but sides = \"two\"; a closed solid is one-sided. Remove \"sides\".");
+    std::vector<mesh::Remeshed> remeshed =
+        at_place(description_.file.string(), [&] { return mesh::remesh(inputs, progress_); });
+    for (std::size_t o = 0; o < remeshed.size(); ++o) {
+      const ObjectDescription& described = description_.objects[o];
+      Object object;
+      object.name = described.name;
+      object.material = described.material;
+      object.sides = described.sides;
+      object.patches = std::move(remeshed[o].patches);
+      if (!described.smooth) object.patches.corner_normals.clear();
+      if (described.smooth && object.patches.corner_normals.empty()) {
+        object.patches.corner_normals = corner_normals(object.patches, described.feature_angle_deg);
+      }
+      if (object.patches.closed && object.sides == Sides::kTwo) {
+        throw InvalidInput(described.place +
+                           ": the mesh is closed, but sides = \"two\"; a closed solid is one-sided. Remove \"sides\".");
+      }
+      built_.objects[o].remesh = std::move(remeshed[o].report);
+      built_.scene.objects.push_back(std::move(object));
     }
-    built_.objects.push_back({described.name, described.mesh, scan.report});
-    return object;
   }
 
   /// The spectrum on the grid, scaled to the level if one is given.

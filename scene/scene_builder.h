@@ -8,6 +8,8 @@
 
 #include "diagnostics/error.h"
 #include "diagnostics/progress.h"
+#include "mesh/remesh.h"
+#include "mesh/repair.h"
 #include "mesh/scan_file.h"
 #include "scene/scene.h"
 #include "scene/scene_file.h"
@@ -19,6 +21,8 @@ struct ObjectReport {
   std::string name;
   std::filesystem::path file;
   mesh::ReadReport read;
+  mesh::RepairReport repair;  ///< nothing was repaired with remesh = "none"
+  mesh::RemeshReport remesh;
 };
 
 /// A file that the result depends on.

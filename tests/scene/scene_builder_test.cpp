@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <fstream>
 #include <numbers>
@@ -74,7 +75,8 @@ class SceneBuilder : public testing::Test {
  protected:
   void SetUp() override {
     folder_ = std::filesystem::temp_directory_path() /
-              ("interglow_builder_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+              ("interglow_builder_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + "_" +
+               std::to_string(::getpid()));
     std::filesystem::create_directories(folder_);
     write("cube.obj", kCube);
     write("sheet.obj", "v 0 0 -5\nv 50 0 -5\nv 50 50 -5\nv 0 50 -5\nf 1 2 3 4\n");

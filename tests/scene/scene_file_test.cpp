@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <fstream>
@@ -111,7 +112,8 @@ class SceneFile : public testing::Test {
  protected:
   void SetUp() override {
     folder_ = std::filesystem::temp_directory_path() /
-              ("interglow_scene_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
+              ("interglow_scene_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + "_" +
+               std::to_string(::getpid()));
     std::filesystem::create_directories(folder_);
     for (const char* name : {"red.csv", "matrix.csv", "left.obj", "lamp.obj"}) std::ofstream(folder_ / name) << "x\n";
   }
