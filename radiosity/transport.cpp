@@ -2,30 +2,61 @@
 #include "radiosity/transport.h"
 
 #include <fmt/format.h>
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <vector>
 
 #include "diagnostics/error.h"
+#include "radiosity/tile_matrix.h"
+#include "radiosity/transport_assembly.h"
 
 namespace interglow::radiosity {
 
-/// Rows of F in compressed sparse storage: row i holds the columns j with F_ij > 0 in increasing order.
 struct Transport::Impl {
   Eigen::VectorXd area_mm2;
-  std::vector<std::int64_t> row_start;
-  std::vector<int> column;
-  std::vector<double> factor;
+  TileMatrix exchange;  ///< A_i F_ij
   TransportReport report;
+
+  Eigen::VectorXd row_sums() const {
+    return exchange.multiply(RowMatrix::Ones(area_mm2.size(), 1)).col(0).cwiseQuotient(area_mm2);
+  }
+  void finish_report();
 };
+
+void Transport::Impl::finish_report() {
+  report.stored_pairs = exchange.nonzeros();
+  report.bytes = exchange.bytes();
+  if (area_mm2.size() == 0) return;
+  const Eigen::ArrayXd sums = row_sums().array();
+  report.max_row_sum = sums.maxCoeff();
+  report.closure_max = (sums - 1.0).abs().maxCoeff();
+  report.closure_rms = std::sqrt((sums - 1.0).square().mean());
+}
+
+void validate(const TransportParams& params) {
+  if (!(params.tolerance >= 1e-12 && params.tolerance <= 0.1)) {
+    throw InvalidParams(
+        fmt::format("TransportParams::tolerance: {}; expected a value in [1e-12, 0.1].", params.tolerance));
+  }
+}
 
 Transport::Transport(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Transport::~Transport() = default;
 Transport::Transport(Transport&&) noexcept = default;
 Transport& Transport::operator=(Transport&&) noexcept = default;
+
+Transport Transport::build(const Elements& elements, const TransportParams& params, const Progress& progress) {
+  validate(params);
+  auto impl = std::make_unique<Impl>();
+  impl->area_mm2 = elements.area_mm2;
+  Assembly assembly = assemble(elements, params, progress);
+  impl->exchange = std::move(assembly.exchange);
+  impl->report = assembly.report;
+  if (elements.size() > 0) impl->report.error_estimate_max = assembly.error_estimate.maxCoeff();
+  impl->finish_report();
+  return Transport(std::move(impl));
+}
 
 Transport Transport::from_form_factors(const Eigen::MatrixXd& form_factors, const Eigen::VectorXd& area_mm2) {
   const Eigen::Index n = area_mm2.size();
@@ -36,7 +67,7 @@ Transport Transport::from_form_factors(const Eigen::MatrixXd& form_factors, cons
   }
   auto impl = std::make_unique<Impl>();
   impl->area_mm2 = area_mm2;
-  impl->row_start.push_back(0);
+  std::vector<double> exchange;
   for (Eigen::Index i = 0; i < n; ++i) {
     for (Eigen::Index j = 0; j < n; ++j) {
       const double f = form_factors(i, j);
@@ -49,25 +80,19 @@ Transport Transport::from_form_factors(const Eigen::MatrixXd& form_factors, cons
         throw InvalidParams(fmt::format("form_factors({}, {}): A_i F_ij = {} but A_j F_ji = {}; expected them equal.",
                                         i, j, there, back));
       }
-      if (f == 0.0) continue;
-      impl->column.push_back(static_cast<int>(j));
-      impl->factor.push_back(f);
+      exchange.push_back(there);
     }
-    impl->row_start.push_back(static_cast<std::int64_t>(impl->column.size()));
   }
+  std::vector<int> order(static_cast<std::size_t>(n));
+  std::iota(order.begin(), order.end(), 0);
+  std::vector<TileMatrix::Chunk> chunks(1);
+  chunks[0].values.push_back(std::move(exchange));
+  chunks[0].tiles.push_back({0, 0, chunks[0].values[0].data()});
+  impl->exchange = TileMatrix(std::move(order), {0, static_cast<int>(n)}, std::move(chunks));
   impl->report.elements = n;
   impl->report.pairs = n * (n - 1) / 2;
-  impl->report.stored_pairs = static_cast<std::int64_t>(impl->column.size()) / 2;
-  impl->report.bytes = impl->column.size() * (sizeof(int) + sizeof(double));
-  Transport transport(std::move(impl));
-  const Eigen::VectorXd sums = transport.row_sums();
-  TransportReport& report = transport.impl_->report;
-  if (n > 0) {
-    report.max_row_sum = sums.maxCoeff();
-    report.closure_max = (sums.array() - 1.0).abs().maxCoeff();
-    report.closure_rms = std::sqrt((sums.array() - 1.0).square().mean());
-  }
-  return transport;
+  impl->finish_report();
+  return Transport(std::move(impl));
 }
 
 Eigen::Index Transport::size() const { return impl_->area_mm2.size(); }
@@ -77,28 +102,15 @@ const Eigen::VectorXd& Transport::area_mm2() const { return impl_->area_mm2; }
 RowMatrix Transport::apply(const RowMatrix& x) const {
   if (x.rows() != size())
     throw InvalidParams(fmt::format("x: {} rows; expected one for each of the {} elements.", x.rows(), size()));
-  RowMatrix y = RowMatrix::Zero(x.rows(), x.cols());
-  // Every row is summed by one thread in column order: the same bits for any number of threads.
-  tbb::parallel_for(tbb::blocked_range<Eigen::Index>(0, size(), 16), [&](const tbb::blocked_range<Eigen::Index>& rows) {
-    for (Eigen::Index i = rows.begin(); i < rows.end(); ++i) {
-      const auto row = static_cast<std::size_t>(i);
-      for (std::int64_t k = impl_->row_start[row]; k < impl_->row_start[row + 1]; ++k) {
-        const auto entry = static_cast<std::size_t>(k);
-        y.row(i) += impl_->factor[entry] * x.row(impl_->column[entry]);
-      }
-    }
-  });
+  RowMatrix y = impl_->exchange.multiply(x);
+  y.array().colwise() /= impl_->area_mm2.array();
   return y;
 }
 
-Eigen::VectorXd Transport::row_sums() const { return apply(RowMatrix::Ones(size(), 1)).col(0); }
+Eigen::VectorXd Transport::row_sums() const { return impl_->row_sums(); }
 
 double Transport::form_factor(Eigen::Index i, Eigen::Index j) const {
-  const auto begin = impl_->column.begin() + impl_->row_start[static_cast<std::size_t>(i)];
-  const auto end = impl_->column.begin() + impl_->row_start[static_cast<std::size_t>(i) + 1];
-  const auto found = std::lower_bound(begin, end, static_cast<int>(j));
-  if (found == end || *found != static_cast<int>(j)) return 0.0;
-  return impl_->factor[static_cast<std::size_t>(found - impl_->column.begin())];
+  return impl_->exchange.at(i, j) / impl_->area_mm2[i];
 }
 
 const TransportReport& Transport::report() const { return impl_->report; }

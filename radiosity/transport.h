@@ -19,9 +19,11 @@ struct TransportParams {
   /// Wanted error of a row of form factors: the absolute errors of one element's factors sum, as independent errors do,
   /// to at most this. Smaller costs more quadrature points and visibility tests. In [1e-12, 0.1].
   double tolerance = 1e-4;
-  /// Whether objects hide one another. Off only for scenes known to be convex cavities: it saves the search for blockers.
+  /// Whether objects hide one another. Off only for scenes known to be convex cavities: it saves the search for
+  /// blockers.
   bool occlusion = true;
-  /// Least-squares correction of the factors of a closed scene towards row sums of 1, keeping reciprocity. Off: raw values.
+  /// Least-squares correction of the factors of a closed scene towards row sums of 1, keeping reciprocity. Off: raw
+  /// values.
   bool smooth_closure = false;
 };
 
@@ -30,14 +32,14 @@ void validate(const TransportParams& params);
 /// What assembly measured.
 struct TransportReport {
   std::int64_t elements = 0;
-  std::int64_t pairs = 0;             ///< N (N - 1) / 2
-  std::int64_t facing_pairs = 0;      ///< pairs that face one another at least in part
-  std::int64_t stored_pairs = 0;      ///< pairs with a factor above 0
+  std::int64_t pairs = 0;         ///< N (N - 1) / 2
+  std::int64_t facing_pairs = 0;  ///< pairs that face one another at least in part
+  std::int64_t stored_pairs = 0;  ///< pairs with a factor above 0
   std::int64_t partially_visible_pairs = 0;
   std::int64_t blocked_pairs = 0;
   std::array<std::int64_t, 8> pairs_by_method{};  ///< indexed by FormFactorMethod
   double max_row_sum = 0.0;
-  double closure_max = 0.0;           ///< max_i |Σ_j F_ij - 1|; meaningful for closed scenes only
+  double closure_max = 0.0;  ///< max_i |Σ_j F_ij - 1|; meaningful for closed scenes only
   double closure_rms = 0.0;
   double error_estimate_max = 0.0;    ///< largest row error estimate
   double smoothing_change_max = 0.0;  ///< largest change of an entry by closure smoothing, relative to the row sum

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "radiosity/transport.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include "diagnostics/error.h"
+#include "tests/radiosity/scenes.h"
+
+namespace interglow::radiosity {
+namespace {
+
+using testing::box_with_two_cubes;
+using testing::cube;
+using testing::object;
+
+scene::Scene closed_cube(int n) {
+  scene::Scene scene;
+  scene.objects.push_back(object("cube", cube(1.0, n, true)));
+  return scene;
+}
+
+Eigen::MatrixXd dense(const Transport& transport) {
+  return transport.apply(RowMatrix::Identity(transport.size(), transport.size()));
+}
+
+TEST(Transport, FacesOfACubeHaveTheTabulatedFactors) {
+  const Transport transport = Transport::build(make_elements(closed_cube(1)), {.tolerance = 1e-10});
+  // Opposite unit squares at distance 1 and unit squares with a shared edge at 90 degrees (Howell, C-11 and C-14).
+  for (int i = 0; i < 6; ++i) {
+    for (int j = 0; j < 6; ++j) {
+      const double expected = i == j ? 0.0 : i / 2 == j / 2 ? 0.19982489569838737 : 0.20004377607540316;
+      EXPECT_NEAR(transport.form_factor(i, j), expected, 1e-10) << i << ", " << j;
+    }
+  }
+}
+
+TEST(Transport, AFinerCubeAddsUpToItsFaces) {
+  const int n = 4;
+  const Transport transport = Transport::build(make_elements(closed_cube(n)), {.tolerance = 1e-8});
+  RowMatrix second_face = RowMatrix::Zero(transport.size(), 1);
+  second_face.block(n * n, 0, n * n, 1).setOnes();
+  EXPECT_NEAR(transport.apply(second_face).block(0, 0, n * n, 1).mean(), 0.19982489569838737, 1e-9);
+  EXPECT_EQ(transport.report().blocked_pairs, 0);
+  EXPECT_EQ(transport.report().partially_visible_pairs, 0);
+  EXPECT_LT(transport.report().closure_max, 1e-8);
+}
+
+TEST(Transport, IsReciprocalToTheBit) {
+  const Elements elements = make_elements(box_with_two_cubes(3, 1));
+  const Transport transport = Transport::build(elements, {.tolerance = 0.1});
+  const Eigen::MatrixXd f = dense(transport);
+  for (Eigen::Index i = 0; i < f.rows(); ++i) {
+    for (Eigen::Index j = 0; j < f.rows(); ++j) {
+      EXPECT_NEAR(f(i, j), transport.form_factor(i, j), 1e-16);
+      // The same exchange area divided by each area: two roundings a side.
+      EXPECT_LE(std::abs(elements.area_mm2[i] * f(i, j) - elements.area_mm2[j] * f(j, i)),
+                4.5e-16 * elements.area_mm2[i] * f(i, j));
+    }
+  }
+}
+
+TEST(Transport, HasTheSameBitsForAnyNumberOfThreads) {
+  const Elements elements = make_elements(box_with_two_cubes(4, 1));
+  const RowMatrix x = RowMatrix::Random(elements.size(), 19);
+  const auto run = [&](std::size_t threads) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    return Transport::build(elements, {.tolerance = 0.1}).apply(x);
+  };
+  const RowMatrix one = run(1);
+  EXPECT_TRUE(one == run(2));
+  EXPECT_TRUE(one == run(2));
+}
+
+TEST(Transport, BothSidesOfASheetTakePart) {
+  // A square sheet between two unit squares hides them from one another, and each side of it sees its own.
+  scene::Scene scene;
+  const auto square = [](double z, bool up) {
+    mesh::PatchMesh patches;
+    testing::add_grid(patches, {0, 0, z}, up ? Eigen::Vector3d::UnitX() : Eigen::Vector3d::UnitY(),
+                      up ? Eigen::Vector3d::UnitY() : Eigen::Vector3d::UnitX(), 1, 1);
+    return patches;
+  };
+  scene.objects = {object("floor", square(0, true)), object("sheet", square(1, true)),
+                   object("ceiling", square(2, false))};
+  scene.objects[1].sides = scene::Sides::kTwo;
+  const Elements elements = make_elements(scene);
+  const Transport transport = Transport::build(elements, {.tolerance = 1e-8});
+  const int sheet_back = elements.back_element[1];
+  EXPECT_NEAR(transport.form_factor(0, sheet_back), 0.19982489569838737, 1e-9);
+  EXPECT_NEAR(transport.form_factor(2, 1), 0.19982489569838737, 1e-9);
+  EXPECT_EQ(transport.form_factor(0, 2), 0.0);
+  EXPECT_EQ(transport.form_factor(0, 1), 0.0);
+}
+
+TEST(Transport, RefusesAToleranceOutOfRange) {
+  try {
+    Transport::build(make_elements(closed_cube(1)), {.tolerance = 0.5});
+    FAIL();
+  } catch (const InvalidParams& error) {
+    EXPECT_NE(std::string(error.what()).find("tolerance: 0.5"), std::string::npos) << error.what();
+  }
+}
+
+TEST(Transport, AnEmptySceneIsAnEmptyOperator) {
+  const Transport transport = Transport::build(make_elements(scene::Scene{}), {});
+  EXPECT_EQ(transport.size(), 0);
+  EXPECT_EQ(transport.apply(RowMatrix(0, 3)).rows(), 0);
+}
+
+}  // namespace
+}  // namespace interglow::radiosity
