@@ -2,6 +2,8 @@
 /// The subcommands of `interglow`, one source file each.
 #pragma once
 
+#include <functional>
+
 #include "cli/session.h"
 
 namespace interglow::cli {
@@ -9,5 +11,6 @@ namespace interglow::cli {
 // One line a command, in the order `interglow --help` lists them; each is defined in <name>_command.cpp.
 void add_inspect_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_compare_command(CLI::App& app, Session& session, std::function<int()>& action);
+void add_simulate_scan_command(CLI::App& app, Session& session, std::function<int()>& action);
 
 }  // namespace interglow::cli

@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
   std::function<int()> action;
   add_inspect_command(app, session, action);
   add_compare_command(app, session, action);
+  add_simulate_scan_command(app, session, action);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
