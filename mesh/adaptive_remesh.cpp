@@ -425,6 +425,7 @@ class Remesher {
       index[v.idx()] = static_cast<int>(out.points.size());
       out.points.push_back(mesh_.point(v));
       out.on_surface.push_back(on_[v.idx()]);
+      out.is_locked.push_back(is_locked(v));
     }
     for (const auto f : mesh_.faces()) {
       std::array<int, 3> corners{};

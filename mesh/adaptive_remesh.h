@@ -32,6 +32,7 @@ struct RemeshedSurface {
   std::vector<Eigen::Vector3d> points;
   std::vector<std::array<int, 3>> triangles;
   std::vector<SurfacePoint> on_surface;  ///< per point, where on the fitted surface
+  std::vector<char> is_locked;           ///< per point: one of `locked_points`
 };
 
 /// Rounds of splitting long edges, collapsing short ones, flipping to Delaunay, and moving points within the surface

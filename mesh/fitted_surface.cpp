@@ -363,11 +363,41 @@ std::pair<Vector3d, Vector3d> FittedSurface::at(int triangle, const Vector3d& ba
   return {point, normal.normalized()};
 }
 
+void find_curves(FittedSurface& surface) {
+  surface.creases.clear();
+  surface.borders.clear();
+  const std::vector<int> opposite = opposite_edges(surface.triangles);
+  const auto quadric = [&](int edge) { return surface.quadric_of[edge / 3][edge % 3]; };
+  for (int e = 0; e < static_cast<int>(opposite.size()); ++e) {
+    const int o = opposite[e];
+    const std::array<int, 2> ends{surface.triangles[e / 3][e % 3], surface.triangles[e / 3][next_edge(e) % 3]};
+    if (o < 0) {
+      surface.borders.push_back(ends);
+    } else if (e < o && (quadric(e) != quadric(next_edge(o)) || quadric(next_edge(e)) != quadric(o))) {
+      surface.creases.push_back(ends);
+    }
+  }
+}
+
 double estimate_noise(const TriangleMesh& scan) {
   const std::vector<int> opposite = opposite_edges(scan.triangles);
   const NodeGraph graph = make_nodes(scan.triangles, opposite, std::vector<char>(opposite.size(), 0));
   const auto normals = averaged(graph, node_normals(graph, triangle_normals(scan.points, scan.triangles)), 1);
   return estimate_noise(graph, scan.points, normals);
+}
+
+FittedSurface flat_surface(const TriangleMesh& mesh) {
+  FittedSurface surface;
+  surface.points = mesh.points;
+  surface.triangles = mesh.triangles;
+  surface.mean_edge_mm = mean_edge_length(mesh);
+  const std::vector<Vector3d> normals = triangle_normals(mesh.points, mesh.triangles);
+  for (std::size_t t = 0; t < normals.size(); ++t) {
+    surface.quadrics.push_back(frame_at(mesh.points[mesh.triangles[t][0]], unit_or(normals[t], Vector3d::UnitZ())));
+    const int quadric = static_cast<int>(t);
+    surface.quadric_of.push_back({quadric, quadric, quadric});
+  }
+  return surface;
 }
 
 FittedSurface fit_surface(const TriangleMesh& scan, const FitParams& params) {
@@ -383,13 +413,9 @@ FittedSurface fit_surface(const TriangleMesh& scan, const FitParams& params) {
 
   const std::vector<int> opposite = opposite_edges(scan.triangles);
   const std::vector<char> is_crease = find_creases(scan, opposite, params.feature_angle_deg, sigma, edge);
-  for (std::size_t e = 0; e < opposite.size(); ++e) {
-    const std::array<int, 2> ends{scan.triangles[e / 3][e % 3], scan.triangles[e / 3][(e % 3 + 1) % 3]};
-    if (opposite[e] < 0) surface.borders.push_back(ends);
-    if (is_crease[e] && ends[0] < ends[1]) surface.creases.push_back(ends);
-  }
   const NodeGraph graph = make_nodes(scan.triangles, opposite, is_crease);
   surface.quadric_of = graph.node_of;
+  find_curves(surface);
 
   const std::vector<Vector3d> areas = triangle_normals(scan.points, scan.triangles);
   double area = 0;

@@ -39,6 +39,9 @@ struct FittedSurface {
   std::pair<Eigen::Vector3d, Eigen::Vector3d> at(int triangle, const Eigen::Vector3d& barycentric) const;
 };
 
+/// Sets `creases` and `borders` from the triangles and their quadrics.
+void find_curves(FittedSurface& surface);
+
 struct FitParams {
   /// Edges bent by more than this stay sharp [degrees], in (0, 180]; 180: none.
   double feature_angle_deg = 40;
@@ -58,6 +61,9 @@ struct FitParams {
 /// @throws InvalidInput if an edge has three triangles or two of opposite orientation
 /// Cost: O(points · points in r). Deterministic for any thread count.
 FittedSurface fit_surface(const TriangleMesh& scan, const FitParams& params);
+
+/// The triangles themselves as a surface: one plane each, nothing moved. Any topology is allowed; curves are not set.
+FittedSurface flat_surface(const TriangleMesh& mesh);
 
 /// Standard deviation of the points across the surface [mm]: the median residual of quadratics through the nearest
 /// twenty points of up to 2000 points; 0 for meshes too small to tell.

@@ -14,8 +14,10 @@
 
 #include "diagnostics/error.h"
 #include "mesh/adaptive_remesh.h"
+#include "mesh/contact.h"
 #include "mesh/fitted_surface.h"
 #include "mesh/half_edges.h"
+#include "mesh/small_holes.h"
 #include "mesh/surface_index.h"
 
 namespace interglow::mesh {
@@ -42,6 +44,9 @@ struct Work {
   std::vector<double> bend;          ///< per point: largest curvature [1/mm]
   double longest_mm = 0;             ///< wanted edge length far from everything
   RemeshedSurface remeshed;
+  std::vector<int> locked_points;  ///< of the surface: on contact lines
+  double closed_contact_mm = 0;
+  int closed_holes = 0;
   double fit_s = 0, remesh_s = 0;
 };
 
@@ -70,12 +75,7 @@ double edge_length(const RemeshParams& params, double longest_mm, double near_mm
   return length;
 }
 
-void fit(Work& work) {
-  const auto start = Clock::now();
-  const RemeshParams& params = work.input->params;
-  work.scan = separate_fans(work.input->scan);
-  work.surface =
-      fit_surface(work.scan, {.feature_angle_deg = params.feature_angle_deg, .noise_sigma_mm = params.noise_sigma_mm});
+void index_surface(Work& work) {
   work.index = std::make_unique<SurfaceIndex>(work.surface.points, work.surface.triangles);
   work.bend.assign(work.surface.points.size(), 0);
   for (std::size_t t = 0; t < work.surface.triangles.size(); ++t)
@@ -83,6 +83,20 @@ void fit(Work& work) {
       double& bend = work.bend[work.surface.triangles[t][k]];
       bend = std::max(bend, largest_curvature(work.surface.quadrics[work.surface.quadric_of[t][k]]));
     }
+}
+
+void fit(Work& work) {
+  const auto start = Clock::now();
+  const RemeshParams& params = work.input->params;
+  work.scan = separate_fans(work.input->scan);
+  if (params.close_holes_mm > 0) {
+    HolesFilled filled = fill_small_holes(work.scan, params.close_holes_mm);
+    work.scan = separate_fans(filled.mesh);
+    work.closed_holes = filled.holes;
+  }
+  work.surface =
+      fit_surface(work.scan, {.feature_angle_deg = params.feature_angle_deg, .noise_sigma_mm = params.noise_sigma_mm});
+  index_surface(work);
   work.fit_s = seconds_since(start);
 }
 
@@ -123,6 +137,7 @@ void remesh_one(const std::vector<Work>& all, Work& work) {
   const FittedSurface& surface = work.surface;
   const double finest = params.proximity_ratio * work.longest_mm;
   AdaptiveRemeshParams adaptive;
+  adaptive.locked_points = work.locked_points;
   adaptive.triangles = params.patches;
   if (!params.patches && !params.edge_length_mm) adaptive.triangles = 4000;
   adaptive.edge_length = [&](const SurfacePoint& at) {
@@ -177,7 +192,7 @@ PatchMesh to_patches(const Work& work) {
 ///
 /// Over an edge d with end normals n, m the surface rises by s = (m - n)·d / 8 in the middle; over a triangle by
 /// (s1 + s2 + s3) / 3 in the mean.
-void balance_sagitta(PatchMesh& patches) {
+void balance_sagitta(PatchMesh& patches, const std::vector<char>& is_fixed) {
   const std::size_t count = patches.points.size();
   std::vector<Eigen::Matrix3d> a(count, Eigen::Matrix3d::Zero());
   std::vector<Vector3d> b(count, Vector3d::Zero());
@@ -197,7 +212,7 @@ void balance_sagitta(PatchMesh& patches) {
   }
   for (std::size_t i = 0; i < count; ++i) {
     const double trace = a[i].trace();
-    if (!(trace > 0)) continue;
+    if (!(trace > 0) || is_fixed[i]) continue;
     // The smallest shift: directions that the normals around a corner leave free stay put.
     const Eigen::Matrix3d regular = a[i] + 1e-3 * trace * Eigen::Matrix3d::Identity();
     patches.points[i] += regular.ldlt().solve(b[i]);
@@ -230,6 +245,57 @@ Remeshed keep(const TriangleMesh& scan) {
   for (const auto& t : scan.triangles) result.patches.faces.push_back({t[0], t[1], t[2], -1});
   result.patches.closed = is_closed(result.patches);
   return result;
+}
+
+/// Continues fitted surfaces to their contact lines where asked to. @return true if a surface changed
+bool close_all_contacts(std::vector<Work>& all) {
+  std::vector<ContactSurface> surfaces(all.size());
+  bool asked = false;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const RemeshParams& params = all[i].input->params;
+    surfaces[i].surface = &all[i].surface;
+    if (params.keep_triangles) continue;
+    surfaces[i].reach_mm = params.close_contact_mm;
+    surfaces[i].spacing_mm = params.proximity_ratio * all[i].longest_mm;
+    asked = asked || params.close_contact_mm > 0;
+  }
+  if (!asked || all.size() < 2) return false;
+  close_contacts(surfaces);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    all[i].closed_contact_mm = surfaces[i].closed_mm;
+    all[i].locked_points = surfaces[i].locked_points;
+    if (surfaces[i].closed_mm > 0) index_surface(all[i]);
+  }
+  return true;
+}
+
+/// Deeper than this behind another surface, a point is elsewhere rather than inside.
+double overlap_tolerance(const Work& work) {
+  return std::max(3 * work.surface.mean_edge_mm, 8 * work.surface.noise_sigma_mm);
+}
+
+/// Measures how far scans and patches pass through each other and moves patches apart.
+void resolve_overlaps(const std::vector<Work>& all, std::vector<Remeshed>& results) {
+  std::vector<SolidSurface> scans, surfaces;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const Work& work = all[i];
+    const double tolerance = overlap_tolerance(work);
+    const TriangleMesh& scan = work.input->scan;
+    scans.push_back({scan.points, scan.triangles, point_normals(scan.points, scan.triangles), {}, tolerance});
+    const PatchMesh& patches = results[i].patches;
+    SolidSurface surface{patches.points, triangles_of(patches), {}, work.remeshed.is_locked, tolerance};
+    surface.normals = point_normals(surface.points, surface.triangles);
+    if (work.input->params.keep_triangles) surface.is_fixed.assign(surface.points.size(), 1);
+    surfaces.push_back(std::move(surface));
+  }
+  const std::vector<Overlap> before = measure_overlap(scans);
+  separate(surfaces);
+  const std::vector<Overlap> after = measure_overlap(surfaces);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    results[i].report.scan_overlap = before[i];
+    results[i].report.patch_overlap = after[i];
+    if (!all[i].input->params.keep_triangles) results[i].patches.points = surfaces[i].points;
+  }
 }
 
 }  // namespace
@@ -270,13 +336,15 @@ std::vector<Remeshed> remesh(std::span<const RemeshInput> objects, const Progres
   tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) {
     Work& work = all[i];
     if (!work.input->params.keep_triangles) return fit(work);
-    work.surface.points = work.input->scan.points;
-    work.surface.triangles = work.input->scan.triangles;
+    work.surface = flat_surface(work.input->scan);
     work.index = std::make_unique<SurfaceIndex>(work.surface.points, work.surface.triangles);
   });
   progress.update("Remeshing", 0);
   for (Work& work : all)
     if (!work.input->params.keep_triangles) choose_lengths(all, work);
+  if (close_all_contacts(all))
+    for (Work& work : all)
+      if (!work.input->params.keep_triangles) choose_lengths(all, work);
   std::vector<Remeshed> results(objects.size());
   tbb::parallel_for(std::size_t{0}, all.size(), [&](std::size_t i) {
     Work& work = all[i];
@@ -286,8 +354,10 @@ std::vector<Remeshed> remesh(std::span<const RemeshInput> objects, const Progres
     }
     remesh_one(all, work);
     results[i].patches = to_patches(work);
-    balance_sagitta(results[i].patches);
+    balance_sagitta(results[i].patches, work.remeshed.is_locked);
   });
+  progress.update("Separating objects", 0);
+  if (all.size() > 1) resolve_overlaps(all, results);
   progress.update("Measuring patches", 0);
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Work& work = all[i];
@@ -301,6 +371,8 @@ std::vector<Remeshed> remesh(std::span<const RemeshInput> objects, const Progres
     report.angles = angle_statistics(patches);
     report.fit_s = work.fit_s;
     report.remesh_s = work.remesh_s;
+    report.closed_holes = work.closed_holes;
+    report.closed_contact_mm = work.closed_contact_mm;
     if (work.input->params.keep_triangles) continue;
     report.distance = two_sided_distance(work.input->scan, patches);
     report.normal_change_deg = normal_change_deg(work.input->scan, patches);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "diagnostics/progress.h"
+#include "mesh/overlap.h"
 #include "mesh/patch_mesh.h"
 #include "mesh/quality.h"
 #include "mesh/triangle_mesh.h"
@@ -46,13 +47,6 @@ struct RemeshInput {
   RemeshParams params;
 };
 
-/// How far objects pass through each other.
-struct Overlap {
-  double area_mm2 = 0;     ///< of the parts inside another object
-  double depth_mm = 0;     ///< the largest
-  int crossing_pairs = 0;  ///< pairs of triangles, one of this object and one of another, that cross
-};
-
 struct RemeshReport {
   int patches = 0;
   double edge_length_mm = 0;  ///< wanted, away from other objects
@@ -64,7 +58,7 @@ struct RemeshReport {
   AngleStatistics angles;
   int closed_holes = 0;
   double closed_contact_mm = 0;         ///< length of the contact lines to which the surface was continued
-  Overlap scan_overlap, patch_overlap;  ///< before and after
+  Overlap scan_overlap, patch_overlap;  ///< between objects, before and after
   double fit_s = 0, remesh_s = 0;       ///< wall time
 };
 
