@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "diagnostics/error.h"
 
@@ -98,12 +99,27 @@ class Remesher {
         on.barycentric = Vector3d::Unit(k);
       }
     }
-    for (const auto& [a, b] : surface_.creases) {
-      const Halfedge h = mesh_.find_halfedge(Vertex(a), Vertex(b));
-      mesh_.status(mesh_.edge_handle(h)).set_feature(true);
-    }
+    mark_creases();
     for (int v : params_.locked_points) mesh_.status(Vertex(v)).set_locked(true);
     wanted_.assign(mesh_.n_vertices(), 0);
+  }
+
+  /// Marks connected creases that are longer than a few wanted edges; shorter ones no patch could follow.
+  void mark_creases() {
+    constexpr double kShortest = 4;  // wanted lengths
+    std::vector<int> parent(surface_.points.size());
+    std::iota(parent.begin(), parent.end(), 0);
+    const auto root = [&](int v) {
+      while (parent[v] != v) v = parent[v] = parent[parent[v]];
+      return v;
+    };
+    for (const auto& [a, b] : surface_.creases) parent[root(a)] = root(b);
+    std::vector<double> lengths(surface_.points.size(), 0);
+    const auto measure = [&](int a, int b) { return (surface_.points[a] - surface_.points[b]).norm(); };
+    for (const auto& [a, b] : surface_.creases) lengths[root(a)] += measure(a, b) / params_.edge_length(on_[a]);
+    for (const auto& [a, b] : surface_.creases)
+      if (lengths[root(a)] > kShortest)
+        mesh_.status(mesh_.edge_handle(mesh_.find_halfedge(Vertex(a), Vertex(b)))).set_feature(true);
   }
 
   /// The curve edges at a vertex.
@@ -273,13 +289,14 @@ class Remesher {
     // The vertex of the lower kind goes.
     if (kind(mesh_.from_vertex_handle(h)) > kind(mesh_.to_vertex_handle(h))) h = mesh_.opposite_halfedge_handle(h);
     const Vertex goes = mesh_.from_vertex_handle(h), stays = mesh_.to_vertex_handle(h);
-    if (kind(goes) == Kind::kCorner) return false;
+    // Corners closer than half the wanted length are one corner to these patches.
+    if (kind(goes) == Kind::kCorner && (!is_curve(e) || is_locked(goes) || length(e) > 0.5 * wanted(e))) return false;
     if (kind(goes) == Kind::kCurve && !is_curve(e)) return false;
     if (!mesh_.is_collapse_ok(h)) return false;
     Vector3d to = mesh_.point(stays);
     SurfacePoint on = on_[stays.idx()];
     const bool border = mesh_.is_boundary(e);
-    if (kind(goes) == kind(stays)) {
+    if (kind(goes) == kind(stays) && kind(goes) != Kind::kCorner) {
       const Vector3d middle = (mesh_.point(goes) + mesh_.point(stays)) / 2;
       Vector3d target = middle;
       if (kind(goes) == Kind::kCurve) target = (border ? borders_ : creases_).closest(middle);

@@ -17,6 +17,8 @@ namespace interglow::mesh {
 namespace {
 
 using Eigen::Vector3d;
+/// An arc of 90° rises by a fifth of its chord.
+constexpr double kLargestRise = 0.2;
 constexpr double kDegree = std::numbers::pi / 180;
 
 /// The smooth fans of a mesh: corners that are connected around their point without crossing a crease form one node.
@@ -360,6 +362,12 @@ std::pair<Vector3d, Vector3d> FittedSurface::at(int triangle, const Vector3d& ba
     point += barycentric[k] * p;
     normal += barycentric[k] * n;
   }
+  // Quadrics continued far beyond their points, over large triangles of a hole, may run away.
+  double longest = 0;
+  for (int k = 0; k < 3; ++k)
+    longest = std::max(longest, (points[triangles[triangle][k]] - points[triangles[triangle][(k + 1) % 3]]).norm());
+  const double shift = (point - x).norm(), limit = kLargestRise * longest;
+  if (shift > limit) point = x + limit / shift * (point - x);
   return {point, normal.normalized()};
 }
 
