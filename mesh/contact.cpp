@@ -329,11 +329,15 @@ bool join(ContactSurface& side, const std::vector<Vector3d>& line, double reach)
     line_quadric[j] = static_cast<int>(trimmed.quadrics.size());
     trimmed.quadrics.push_back(q);
   }
-  // The strip: always the shorter diagonal.
+  // The strip: both sides advance at the same pace along the line, however ragged the border is.
   const int border_last = static_cast<int>(best.size()) - 1;
+  std::vector<double> pace;
+  for (int v : best) {
+    const double here = reversed ? last - parameter(v) : parameter(v);
+    pace.push_back(pace.empty() ? here : std::max(here, pace.back()));
+  }
   for (int i = 0, j = 0; i < border_last || j < count - 1;) {
-    const auto distance = [&](int a, int b) { return (trimmed.points[best[a]] - trimmed.points[first + b]).norm(); };
-    const bool along_border = j == count - 1 || (i < border_last && distance(i + 1, j) < distance(i, j + 1));
+    const bool along_border = j == count - 1 || (i < border_last && pace[i + 1] <= j + 0.5);
     if (along_border) {
       trimmed.triangles.push_back({best[i + 1], best[i], first + j});
       trimmed.quadric_of.push_back({own_quadric[best[i + 1]], own_quadric[best[i]], line_quadric[j]});

@@ -372,6 +372,22 @@ TEST(Remesh, ArchIsContinuedToThePlaneItStandsOn) {
   EXPECT_GT(feet, 20);
 }
 
+// A ragged border must not make the strip along the contact a fan of needles.
+TEST(Remesh, SharedArchAtHighNoiseIsWellShaped) {
+  const std::filesystem::path folder = std::filesystem::path(INTERGLOW_SHARED_DATA) / "meshes/synthetic";
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is not there";
+  const RemeshParams params{.patches = 4000, .close_holes_mm = 3, .close_contact_mm = 1.5};
+  const std::vector<RemeshInput> objects{{"arch", read_scan(folder / "arch_r20_n010_arch.obj").mesh, params},
+                                         {"plane", read_scan(folder / "arch_r20_n010_plane.obj").mesh, params}};
+  for (const Remeshed& object : remesh(objects)) {
+    EXPECT_LT(object.report.angles.share_below_20_deg, 0.005);
+    EXPECT_GT(object.report.angles.mean_minimum_deg, 45);
+    EXPECT_EQ(object.report.patch_overlap.crossing_pairs, 0);
+    EXPECT_NEAR(object.report.patches, 4000, 400);
+    EXPECT_GT(object.report.closed_contact_mm, 95);  // two feet of 50 mm
+  }
+}
+
 TEST(Remesh, HolesAreClosedOnRequestOnly) {
   const auto scans = simulate_scan({.scene = SimulatedScene::kVGroove, .noise_sigma_mm = 0, .holes = 4, .seed = 2});
   std::vector<RemeshInput> objects{{"sheet", scans[0].scan, {.patches = 1000, .proximity_ratio = 1}}};
