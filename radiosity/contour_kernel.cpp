@@ -174,10 +174,10 @@ class ContourSum {
            corner_integral(s1, t0, cosine, pair.sine) + corner_integral(s0, t0, cosine, pair.sine);
   }
 
-  Real quadrature(const EdgePair<Real>& pair) { return panel(pair, 0, pair.outer_length, 0); }
+  Real quadrature(const EdgePair<Real>& pair) { return panel(pair, 0, pair.outer_length); }
 
   /// ∫ of the inner integral over the outer edge's [from, to], halved until no corner stands near.
-  Real panel(const EdgePair<Real>& pair, Real from, Real to, int depth) {
+  Real panel(const EdgePair<Real>& pair, Real from, Real to) {
     const Real half = (to - from) / 2, middle = (from + to) / 2;
     const Real cosine = pair.outer_direction.dot(pair.inner_direction);
     const Vector offset = pair.outer_origin + middle * pair.outer_direction - pair.inner_origin;
@@ -191,9 +191,10 @@ class ContourSum {
     const bool inside = start < 0 && end > 0;
     const bool split_kink = inside && start_fixed && end_fixed;
     const bool smooth = height >= kReach * half * pair.sine || (start_fixed && end_fixed);
-    // A panel shorter than the rounding of its coordinates cannot matter: the integrand is bounded.
-    if (depth < kMaxDepth && (!smooth || to_corner < kReach * half)) {
-      return panel(pair, from, middle, depth + 1) + panel(pair, middle, to, depth + 1);
+    // A panel shorter than the rounding of its coordinates cannot matter, for the integrand is bounded; and halving it
+    // would not end, because none of its parts can be told from the corner.
+    if (half > std::numeric_limits<Real>::epsilon() && (!smooth || to_corner < kReach * half)) {
+      return panel(pair, from, middle) + panel(pair, middle, to);
     }
 
     const Real reach = std::max(to_corner / half, Real(1.001));
@@ -257,7 +258,6 @@ class ContourSum {
 
   static constexpr Real kReach =
       2.5;  ///< distance of the nearest corner over half a panel's length; 2.5 gives 1e-19 at 16 points
-  static constexpr int kMaxDepth = 64;
   static constexpr Real kRoundings =
       16;  ///< roundings a term may gather; 9 were seen, on small squares ten sizes apart
 
