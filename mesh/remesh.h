@@ -73,7 +73,7 @@ struct Remeshed {
 /// Corners of the patches lie on the fitted surface, shifted outwards by the mean sagitta of the flat patches around
 /// them, so that neither area nor volume shrinks with patch size (to first order).
 /// @throws InvalidParams, InvalidInput (an object without triangles, non-manifold edges), Cancelled
-/// Cost: O(points log points); about 2 s for two scans of 30,000 points to 8,000 patches on two cores.
+/// Cost: O(points log points); about 8 s of processor time for two scans of 30,000 points to 8,000 patches.
 /// Deterministic for any thread count.
 std::vector<Remeshed> remesh(std::span<const RemeshInput> objects, const Progress& progress = {});
 
