@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -188,7 +189,7 @@ std::string text_of(const json& entry, const char* key, const std::string& file,
 
 }  // namespace
 
-json evaluate_form_factor_cases(const std::filesystem::path& file, double tolerance) {
+json evaluate_form_factor_cases(const std::filesystem::path& file, double tolerance, bool timing) {
   if (!(tolerance >= 0) || !std::isfinite(tolerance))
     throw InvalidParams(
         fmt::format("tolerance: {}, expected a finite number of at least 0 (0: round-off).", tolerance));
@@ -217,7 +218,9 @@ json evaluate_form_factor_cases(const std::filesystem::path& file, double tolera
     if (!cases[i].contains("geometry"))
       throw InvalidInput(
           fmt::format("{}: case \"{}\": geometry: missing, expected by this kind of case.", file_name, id));
+    const auto start = std::chrono::steady_clock::now();
     json result = evaluate(CaseReader{file_name, id, cases[i].at("geometry")}, tolerance);
+    if (timing) result["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     result["id"] = id;
     results.push_back(std::move(result));
   }

@@ -13,8 +13,9 @@ namespace interglow::cli {
 /// Polygons are planar outlines of three or more corners; non-convex ones are cut into triangles.
 ///
 /// @param tolerance  wanted absolute error of every form factor; 0: round-off
+/// @param timing     adds "seconds" to each result, which then differs from run to run
 /// @return {"results": [{"id", "F12", "F21", "error_estimate", "method"} ...], "skipped": [ids of other kinds]}
 /// @throws InvalidInput naming file, case and key; InvalidParams if the tolerance is negative
-nlohmann::json evaluate_form_factor_cases(const std::filesystem::path& file, double tolerance);
+nlohmann::json evaluate_form_factor_cases(const std::filesystem::path& file, double tolerance, bool timing = false);
 
 }  // namespace interglow::cli

@@ -18,10 +18,11 @@ struct Options {
   std::string input;
   std::string output;
   double tolerance = 1e-4;
+  bool timing = false;
 };
 
 int run_cases(const Options& options) {
-  const std::string text = evaluate_form_factor_cases(options.input, options.tolerance).dump(1) + "\n";
+  const std::string text = evaluate_form_factor_cases(options.input, options.tolerance, options.timing).dump(1) + "\n";
   if (options.output.empty())
     std::fwrite(text.data(), 1, text.size(), stdout);
   else
@@ -43,6 +44,7 @@ void add_form_factors_command(CLI::App& app, Session& session, std::function<int
   command->add_option("--tolerance", options->tolerance, "wanted absolute error of a form factor; 0: round-off")
       ->capture_default_str();
   command->add_option("--out", options->output, "file to write; the terminal if not given");
+  command->add_flag("--timing", options->timing, "add the seconds each case took");
   add_session_options(*command, session);
   command->callback([options, &action] { action = [options] { return run(*options); }; });
 }
