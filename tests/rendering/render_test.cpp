@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "rendering/render.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "diagnostics/error.h"
+#include "mesh/subdivide.h"
+#include "shapes.h"
+
+namespace interglow::rendering {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using radiosity::RowMatrix;
+
+constexpr double kPi = std::numbers::pi;
+
+/// Three bands; a fluorescent material moves light from the first to the third band.
+scene::Scene empty_scene() {
+  scene::Scene scene;
+  scene.grid = spectral::WavelengthGrid::uniform(400, 600, 100);
+  scene.materials = {test::grey("white", 0.8, 3), test::grey("fluorescent", 0.5, 3)};
+  scene.materials[1].donaldson.luminescence = Eigen::MatrixXd::Zero(3, 3);
+  scene.materials[1].donaldson.luminescence(2, 0) = 0.25;
+  scene.camera.position = {0, 0, 100};
+  scene.camera.target = {0, 0, 0};
+  scene.camera.width = 32;
+  scene.camera.height = 24;
+  scene.camera.horizontal_fov_deg = 10.0;
+  return scene;
+}
+
+scene::Object object(const mesh::PatchMesh& mesh, int material = 0) {
+  scene::Object result;
+  result.name = "object";
+  result.patches = mesh;
+  result.material = material;
+  return result;
+}
+
+scene::DirectionalLight beam(const Vector3d& direction) {
+  scene::DirectionalLight light;
+  light.direction = direction.normalized();
+  light.normal_irradiance = Vector3d(1.0, 2.0, 3.0);
+  return light;
+}
+
+/// A solution without indirect light.
+radiosity::Solution direct_only(const radiosity::Elements& elements) {
+  radiosity::Solution solution;
+  solution.direct = RowMatrix::Ones(elements.size(), 3);
+  solution.reflected = RowMatrix::Zero(elements.size(), 3);
+  return solution;
+}
+
+TEST(Render, LevelPlaneUnderABeamIsLambertian) {
+  scene::Scene scene = empty_scene();
+  scene.objects = {object(test::level_square(50, 0, true), 1)};
+  scene.directional_lights = {beam({0.3, -0.2, -1.0})};
+  const radiosity::Elements elements = radiosity::make_elements(scene);
+  const RenderedImages images = render(scene, elements, direct_only(elements), {});
+  const double cosine = -scene.directional_lights[0].direction.z();
+  for (int row = 0; row < 24; row += 5) {
+    for (int column = 0; column < 32; column += 5) {
+      for (int band = 0; band < 3; ++band) {
+        EXPECT_NEAR(images.re.pixel(row, column)[band], 0.5 / kPi * (band + 1.0) * cosine, 1e-6);
+        // Excited in band 0 (irradiance 1 × cosine), emitted in band 2.
+        EXPECT_NEAR(images.le.pixel(row, column)[band], band == 2 ? 0.25 / kPi * cosine : 0.0, 1e-6);
+      }
+    }
+  }
+  EXPECT_TRUE(images.rr.value.empty());
+  EXPECT_TRUE(images.emission.value.empty());
+}
+
+TEST(Render, EdgesAreAreaAverages) {
+  // The square covers x < x0 of the image plane; the pixel that it ends in shows the covered share. A sheared lattice
+  // of n² points meets an upright edge to 1 / (2 n²).
+  for (const double x0 : {0.3, 1.234, -2.07}) {
+    scene::Scene scene = empty_scene();
+    scene.objects = {object(test::quad({-50, -50, 0}, {x0, -50, 0}, {x0, 50, 0}, {-50, 50, 0}))};
+    scene.directional_lights = {beam({0, 0, -1})};
+    const radiosity::Elements elements = radiosity::make_elements(scene);
+    const RenderedImages images = render(scene, elements, direct_only(elements), {.samples_per_side = 8});
+    const double pixel_mm = 2 * 100 * std::tan(5 * kPi / 180) / 32;
+    const double edge = 16 + x0 / pixel_mm;
+    for (int column = 0; column < 32; ++column) {
+      const double share = std::clamp(edge - column, 0.0, 1.0);
+      EXPECT_NEAR(images.coverage[10 * 32 + static_cast<std::size_t>(column)], share, 0.5 / 64 + 1e-6) << column;
+      EXPECT_NEAR(images.total.pixel(10, column)[0], share * 0.8 / kPi, (0.5 / 64 + 1e-6) * 0.8 / kPi);
+      EXPECT_EQ(images.object[10 * 32 + static_cast<std::size_t>(column)],
+                share > 0.5
+                    ? 0
+                    : (share < 0.45 && share == 0.0 ? -1 : images.object[10 * 32 + static_cast<std::size_t>(column)]));
+    }
+  }
+}
+
+TEST(Render, ShadowOfASquareHasTheRightAreaAndPlace) {
+  // A square of side 4 at height 10 under a beam tilted by tan = 0.3 along x shades a square of side 4 shifted by 3.
+  scene::Scene scene = empty_scene();
+  scene.camera.position = {0, 0, -100};  // sees the floor, which looks down, from below
+  scene.camera.horizontal_fov_deg = 14;
+  scene.camera.width = scene.camera.height = 64;
+  scene.objects = {object(test::level_square(100, 0, false)), object(test::level_square(2, -200, true))};
+  scene.objects[1].sides = scene::Sides::kTwo;
+  for (Vector3d& p : scene.objects[1].patches.points) p.z() = -110;
+  scene.directional_lights = {beam({0.03, 0.01, 1.0})};
+  const radiosity::Elements elements = radiosity::make_elements(scene);
+  const RenderedImages images = render(scene, elements, direct_only(elements), {});
+  const double pixel_mm = 2 * 100 * std::tan(7 * kPi / 180) / 64;
+  double lit = 0.0;
+  double x = 0.0;
+  double y = 0.0;
+  // Camera looks along +z with up = y: right = forward × up = -x.
+  for (int row = 0; row < 64; ++row) {
+    for (int column = 0; column < 64; ++column) {
+      const double dark =
+          1.0 - images.re.pixel(row, column)[0] / (0.8 / kPi * scene.directional_lights[0].direction.z());
+      lit += dark;
+      x += dark * -((column + 0.5) - 32) * pixel_mm;
+      y += dark * (32 - (row + 0.5)) * pixel_mm;
+    }
+  }
+  EXPECT_NEAR(lit * pixel_mm * pixel_mm, 16.0, 0.1);
+  EXPECT_NEAR(x / lit, 3.3, 0.02);
+  EXPECT_NEAR(y / lit, 1.1, 0.02);
+}
+
+TEST(Render, SphereUnderABeamIsSmoothWithoutTerminatorArtefacts) {
+  // A coarse sphere with true normals (320 and more facets): radiance ρ/π cosθ with the interpolated normal, no facet
+  // shades another.
+  scene::Scene scene = empty_scene();
+  scene.objects = {object(test::smooth_sphere(5.0, 3))};
+  scene.directional_lights = {beam({-1.0, 0.0, -0.2})};  // the terminator crosses the picture
+  scene.camera.width = scene.camera.height = 128;
+  scene.camera.horizontal_fov_deg = 6.5;
+  const radiosity::Elements elements = radiosity::make_elements(scene);
+  const RenderedImages images = render(scene, elements, direct_only(elements), {});
+  const double h = std::tan(3.25 * kPi / 180);
+  double worst = 0.0;
+  for (int row = 0; row < 128; ++row) {
+    for (int column = 0; column < 128; ++column) {
+      const Vector3d direction =
+          Vector3d((2 * (column + 0.5) / 128 - 1) * h, (1 - 2 * (row + 0.5) / 128) * h, -1).normalized();
+      const double along = 100 * -direction.z();
+      const double inside = along * along - (100 * 100 - 25);
+      if (inside < 2.0) continue;  // towards the silhouette the facets' outline matters
+      const Vector3d hit = Vector3d(0, 0, 100) + (along - std::sqrt(inside)) * direction;
+      const double expected = 0.8 / kPi * std::max(0.0, -hit.normalized().dot(scene.directional_lights[0].direction));
+      worst = std::max(worst, std::abs(images.re.pixel(row, column)[0] - expected));
+    }
+  }
+  // Facets of 0.1 rad: interpolated normals err by up to 0.1² / 8 of a radian and hits lie up to 0.1² / 8 radii too
+  // deep.
+  EXPECT_LT(worst, 0.8 / kPi * 0.012);
+}
+
+TEST(Render, WhiteFurnaceIsUniform) {
+  // Inside a closed box whose walls all radiate B, H = B at every point, in corners and edges as well.
+  scene::Scene scene = empty_scene();
+  scene.objects = {object(mesh::subdivide(test::cavity(10), 1.0), 1)};
+  scene.camera.position = {5, 4, 9};
+  scene.camera.target = {5, 5.5, 0};
+  scene.camera.horizontal_fov_deg = 80;
+  const radiosity::Elements elements = radiosity::make_elements(scene);
+  radiosity::Solution solution = direct_only(elements);
+  solution.direct.setZero();
+  const Eigen::RowVector3d reflected(1.0, 0.7, 0.2);
+  const Eigen::RowVector3d luminescent(0.0, 0.1, 0.4);
+  solution.reflected = reflected.replicate(elements.size(), 1);
+  solution.reflected_source = solution.reflected;
+  solution.luminescent = luminescent.replicate(elements.size(), 1);
+  solution.luminescent_source = solution.luminescent;
+  const RenderedImages images = render(scene, elements, solution, {.gather_tolerance = 1e-3});
+  const double scale = 2.4;  // irradiance summed over bands, which the tolerance refers to (bands of equal width)
+  for (int row = 0; row < 24; ++row) {
+    for (int column = 0; column < 32; ++column) {
+      EXPECT_EQ(images.coverage[static_cast<std::size_t>(row * 32 + column)], 1.0F);
+      for (int band = 0; band < 3; ++band) {
+        EXPECT_NEAR(images.rr.pixel(row, column)[band], 0.5 / kPi * reflected[band], 2e-3 * scale * 0.5 / kPi)
+            << row << ' ' << column;
+        EXPECT_NEAR(images.rl.pixel(row, column)[band], 0.5 / kPi * luminescent[band], 2e-3 * scale * 0.5 / kPi);
+        EXPECT_NEAR(images.lr.pixel(row, column)[band], band == 2 ? 0.25 / kPi * reflected[0] : 0.0,
+                    2e-3 * scale * 0.25 / kPi);
+        EXPECT_NEAR(images.ll.pixel(row, column)[band], 0.0, 1e-7);
+      }
+    }
+  }
+}
+
+TEST(Render, ComponentsAddUpToThePicture) {
+  scene::Scene scene = empty_scene();
+  scene.objects = {object(mesh::subdivide(test::level_square(8, 0, true), 2.0), 1),
+                   object(test::smooth_sphere(2.0, 2), 0), object(test::level_square(1, 12, false), 0)};
+  for (Vector3d& p : scene.objects[1].patches.points) p.z() += 2.0;
+  scene.objects[2].exitance = Vector3d(3.0, 2.0, 1.0);
+  scene.objects[2].sides = scene::Sides::kTwo;
+  scene.directional_lights = {beam({0.3, -0.2, -1.0})};
+  scene.sky = scene::SkyLight{"sky", Vector3d(0.1, 0.2, 0.3)};
+  const radiosity::Elements elements = radiosity::make_elements(scene);
+  radiosity::Solution solution = direct_only(elements);
+  solution.reflected_source = 0.3 * solution.direct;
+  solution.luminescent = solution.luminescent_source = 0.1 * solution.direct;
+  const RenderedImages images = render(scene, elements, solution, {.gather_tolerance = 1e-2});
+  for (std::size_t k = 0; k < images.total.value.size(); ++k) {
+    const double sum = static_cast<double>(images.re.value[k]) + images.rr.value[k] + images.le.value[k] +
+                       images.lr.value[k] + images.ll.value[k] + images.rl.value[k] + images.emission.value[k];
+    ASSERT_NEAR(images.total.value[k], sum, 1e-6 * std::abs(sum)) << k;
+  }
+}
+
+TEST(Render, EmittersAndSkyLightTheFloor) {
+  // Straight below the middle of a square emitter of half-side 2 at height 3 the irradiance is M times the closed form
+  // of the parallel square; the rest of the sky's hemisphere adds π L (1 - F).
+  const double x = 2.0 / 3.0;
+  const double r = std::sqrt(1 + x * x);
+  const double factor = 4 * (2 * x / r * std::atan(x / r)) / (2 * kPi);
+  scene::Scene scene = empty_scene();
+  scene.objects = {object(test::level_square(1, 0, true)), object(test::level_square(2, 3, false))};
+  scene.objects[1].exitance = Vector3d(3.0, 2.0, 1.0);
+  scene.sky = scene::SkyLight{"sky", Vector3d(0.1, 0.2, 0.3)};
+  scene.camera.position = {0, 0, 2.5};
+  scene.camera.horizontal_fov_deg = 1.0;
+  scene.camera.width = scene.camera.height = 3;
+  const radiosity::Elements elements = radiosity::make_elements(scene);
+  const RenderedImages images = render(scene, elements, direct_only(elements), {.gather_tolerance = 1e-3});
+  for (int band = 0; band < 3; ++band) {
+    const double irradiance = factor * scene.objects[1].exitance[band] + kPi * scene.sky->radiance[band] * (1 - factor);
+    EXPECT_NEAR(images.re.pixel(1, 1)[band], 0.8 / kPi * irradiance, 2e-3 * irradiance);
+  }
+  // Seen directly: exitance / π on the front, nothing on the back.
+  scene.camera.position = {0, 0, 1};
+  scene.camera.target = {0, 0, 2};
+  const RenderedImages lamp = render(scene, elements, direct_only(elements), {});
+  EXPECT_NEAR(lamp.emission.pixel(1, 1)[0], 3.0 / kPi, 1e-6);
+  scene.camera.position = {0, 0, 5};
+  const RenderedImages behind = render(scene, elements, direct_only(elements), {});
+  EXPECT_EQ(behind.emission.pixel(1, 1)[0], 0.0F);
+}
+
+TEST(Render, SameBitsForAnyNumberOfThreads) {
+  scene::Scene scene = empty_scene();
+  scene.objects = {object(mesh::subdivide(test::level_square(8, 0, true), 1.0), 1),
+                   object(test::smooth_sphere(2.0, 3), 0)};
+  for (Vector3d& p : scene.objects[1].patches.points) p.z() += 2.0;
+  scene.directional_lights = {beam({0.3, -0.2, -1.0})};
+  scene.directional_lights[0].half_angle_rad = 0.05;
+  const radiosity::Elements elements = radiosity::make_elements(scene);
+  radiosity::Solution solution = direct_only(elements);
+  solution.reflected_source = 0.3 * solution.direct;
+  std::vector<float> first;
+  for (const std::size_t threads : {1, 2, 3}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    const RenderedImages images = render(scene, elements, solution, {});
+    if (first.empty()) first = images.total.value;
+    EXPECT_EQ(images.total.value, first) << threads << " threads";
+  }
+}
+
+TEST(Render, RefusesParamsOutOfRange) {
+  EXPECT_THROW(validate(RenderParams{.samples_per_side = 0}), InvalidParams);
+  try {
+    validate(RenderParams{.gather_tolerance = 2.0});
+    FAIL() << "accepted";
+  } catch (const InvalidParams& error) {
+    EXPECT_THAT(error.what(), testing::AllOf(testing::HasSubstr("gather_tolerance"), testing::HasSubstr("2")));
+  }
+}
+
+}  // namespace
+}  // namespace interglow::rendering
