@@ -75,7 +75,7 @@ Solved solved(const std::vector<mesh::PatchMesh>& meshes, const std::vector<doub
     // Backs look away from the cavity; black, so that only the cavity is solved.
     if (elements.back[static_cast<std::size_t>(e)] == 0) direct(e, 0) = irradiance(elements, e);
   }
-  const Transport transport = Transport::build(elements, {.tolerance = 1e-8, .occlusion = false});
+  const Transport transport = Transport::build(elements, {.tolerance = 1e-7, .occlusion = false});
   Solution solution =
       solve(transport, scene.materials, elements.material, direct, {.bounces = bounces, .tolerance = 1e-12});
   return {std::move(elements), std::move(solution), scene.materials};
