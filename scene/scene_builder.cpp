@@ -64,8 +64,9 @@ class Builder {
     material.name = described.name;
     if (!described.reflectance) {
       note_input(described.donaldson);
-      const auto reading =
-          at_place(described.place, [&] { return spectral::read_donaldson(described.donaldson, grid); });
+      const auto reading = at_place(described.place, [&] {
+        return spectral::read_donaldson(described.donaldson, grid, described.donaldson_params);
+      });
       add_warnings(described.place, reading.warnings);
       material.donaldson = reading.donaldson;
     } else if (described.reflectance->constant) {

@@ -90,12 +90,25 @@ MaterialDescription read_material(const std::string& name, KeyReader& keys, cons
   else
     keys.find("reflectance_column");
   material.scale = keys.find_number("scale", Range{0.0, 100.0}).value_or(1.0);
+  const auto rows = keys.find_choice("donaldson_rows", {"emission", "excitation"});
+  const auto keep_anti_stokes = keys.find_bool("keep_anti_stokes");
+  const auto keep_noise = keys.find_bool("keep_noise");
+  spectral::DonaldsonFileParams& params = material.donaldson_params;
+  if (rows)
+    params.orientation = *rows == 0 ? spectral::Orientation::kEmissionRows : spectral::Orientation::kExcitationRows;
+  params.resample.keep_anti_stokes = keep_anti_stokes.value_or(false);
+  params.resample.keep_noise = keep_noise.value_or(false);
   keys.finish();
   if (reflects == donaldson.has_value()) {
     keys.fail(
         "", reflects
                 ? "has both \"reflectance\" and \"donaldson\"; a Donaldson matrix contains the reflectance. Remove one."
                 : "has neither \"reflectance\" nor \"donaldson\"; expected one of them. Add it.");
+  }
+  for (const auto& [key, given] : {std::pair<const char*, bool>{"donaldson_rows", rows.has_value()},
+                                   {"keep_anti_stokes", keep_anti_stokes.has_value()},
+                                   {"keep_noise", keep_noise.has_value()}}) {
+    if (given && !donaldson) keys.fail(key, "says how a Donaldson matrix is read, but there is none. Remove it.");
   }
   if (donaldson) {
     material.donaldson = existing_file(keys, "donaldson", *donaldson, folder);

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "scene/scene.h"
+#include "spectral/donaldson_file.h"
 #include "spectral/wavelength_grid.h"
 
 namespace interglow::scene {
@@ -26,9 +27,10 @@ struct SpectrumSource {
 
 struct MaterialDescription {
   std::string name;
-  std::optional<SpectrumSource> reflectance;  ///< a material that only reflects; otherwise
-  std::filesystem::path donaldson;            ///< a Donaldson matrix or a table of S, alpha, beta
-  double scale = 1.0;                         ///< factor on reflectance and luminescence
+  std::optional<SpectrumSource> reflectance;       ///< a material that only reflects; otherwise
+  std::filesystem::path donaldson;                 ///< a Donaldson matrix or a table of S, alpha, beta
+  spectral::DonaldsonFileParams donaldson_params;  ///< how that file is read
+  double scale = 1.0;                              ///< factor on reflectance and luminescence
   std::string place;
 };
 

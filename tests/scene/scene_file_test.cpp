@@ -34,6 +34,9 @@ reflectance_column = "second"
 
 [material.glowing]
 donaldson = "matrix.csv"
+donaldson_rows = "excitation"
+keep_anti_stokes = true
+keep_noise = true
 
 [object.left]
 mesh = "left.obj"
@@ -163,6 +166,9 @@ TEST_F(SceneFile, ReadsEveryKey) {
   EXPECT_EQ(scene.materials[1].reflectance->column, "second");
   EXPECT_FALSE(scene.materials[2].reflectance);
   EXPECT_EQ(scene.materials[2].donaldson, folder_ / "matrix.csv");
+  EXPECT_EQ(scene.materials[2].donaldson_params.orientation, spectral::Orientation::kExcitationRows);
+  EXPECT_TRUE(scene.materials[2].donaldson_params.resample.keep_anti_stokes);
+  EXPECT_TRUE(scene.materials[2].donaldson_params.resample.keep_noise);
 
   ASSERT_EQ(scene.objects.size(), 2U);
   const ObjectDescription& left = scene.objects[0];
@@ -384,6 +390,7 @@ TEST_F(SceneFile, ContradictionsAreNamed) {
   refused_with("donaldson = \"matrix.csv\"", "donaldson = \"matrix.csv\"\nreflectance = 0.5", "material.glowing",
                "Remove one");
   refused_with("reflectance = 0.8", "", "material.white", "neither");
+  refused_with("scale = 0.9", "keep_noise = true", "material.white.keep_noise", "there is none");
   refused_with("reflectance = 0.8", "reflectance = 0.8\nreflectance_column = \"a\"",
                "material.white.reflectance_column", "\"a\"");
   refused_with("radiance_W_m2_sr = 3", "radiance_W_m2_sr = 3\nexitance_W_m2 = 2", "light.glow.radiance_W_m2_sr",
