@@ -9,6 +9,7 @@
 namespace interglow::cli {
 
 // One line a command, in the order `interglow --help` lists them; each is defined in <name>_command.cpp.
+void add_run_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_inspect_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_compare_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_simulate_scan_command(CLI::App& app, Session& session, std::function<int()>& action);

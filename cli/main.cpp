@@ -12,6 +12,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   Session session;
   std::function<int()> action;
+  add_run_command(app, session, action);
   add_inspect_command(app, session, action);
   add_compare_command(app, session, action);
   add_simulate_scan_command(app, session, action);

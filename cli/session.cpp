@@ -76,6 +76,7 @@ int run_guarded(Session& session, const std::function<int()>& action) {
   ProgressBar bar;
   session.progress.cancelled = [] { return stop_requested.load(); };
   if (!session.quiet && isatty(STDERR_FILENO) != 0) {
+    session.clear_progress = [&bar] { bar.clear(); };
     session.progress.report = [&bar](std::string_view stage, double fraction) { bar.show(stage, fraction); };
   }
   std::signal(SIGINT, &request_stop);

@@ -14,9 +14,10 @@ enum ExitStatus { kSuccess = 0, kFailure = 1, kBadInput = 2, kInterrupted = 130 
 
 /// Options before or after the subcommand's name, and the progress that long work reports to.
 struct Session {
-  int threads = 0;      ///< 0: all cores
+  int threads = 0;  ///< 0: all cores
   bool quiet = false;
-  Progress progress;    ///< a bar with time left on a terminal, silent otherwise; stops on Ctrl-C
+  Progress progress;  ///< a bar with time left on a terminal, silent otherwise; stops on Ctrl-C
+  std::function<void()> clear_progress = [] {};  ///< call before printing results
 };
 
 /// Adds --threads and --quiet to a subcommand.

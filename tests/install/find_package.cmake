@@ -16,3 +16,13 @@ run(${CMAKE_COMMAND} -S ${CONSUMER} -B ${SCRATCH}/consumer-build -G ${GENERATOR}
 run(${CMAKE_COMMAND} --build ${SCRATCH}/consumer-build)
 run(${SCRATCH}/consumer-build/consumer)
 message(STATUS "form factor of facing squares: ${output}")
+
+# The installed program takes its tables from the prefix, not from the source tree.
+run(${prefix}/${BINDIR}/interglow run ${CONSUMER}/../scene/scene.toml --out ${SCRATCH}/out)
+file(READ ${SCRATCH}/out/result.json result)
+foreach(table fluorescent/paper_red.csv illuminants/d65.csv)
+  string(FIND "${result}" "${prefix}/${DATADIR}/interglow/tables/${table}" place)
+  if(place EQUAL -1)
+    message(FATAL_ERROR "${table} was not read from ${prefix}:\n${result}")
+  endif()
+endforeach()

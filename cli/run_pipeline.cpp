@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "cli/run_pipeline.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+
+#include "diagnostics/error.h"
+#include "radiosity/direct_light.h"
+#include "rendering/paper_images.h"
+
+namespace interglow::cli {
+namespace {
+
+double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+
+}  // namespace
+
+StageTimes::Stopwatch::Stopwatch(StageTimes& all, std::string name)
+    : times(all), stage(std::move(name)), start_s(now_s()) {}
+
+StageTimes::Stopwatch::~Stopwatch() { times.seconds_.emplace_back(stage, now_s() - start_s); }
+
+double StageTimes::total_s() const {
+  double total = 0.0;
+  for (const auto& [stage, seconds] : seconds_) total += seconds;
+  return total;
+}
+
+RunOutcome run_scene(const scene::SceneDescription& description, const Progress& progress) {
+  RunOutcome outcome;
+  StageTimes& times = outcome.times;
+  outcome.built = times.measure("scene", [&] { return scene::build_scene(description, progress); });
+  const scene::Scene& scene = outcome.built.scene;
+  outcome.elements = times.measure("elements", [&] { return radiosity::make_elements(scene); });
+  const radiosity::Elements& elements = outcome.elements;
+
+  const scene::SolveDescription& solve = description.solve;
+  const radiosity::TransportParams transport_params{
+      .tolerance = solve.form_factor_tolerance, .occlusion = solve.occlusion, .smooth_closure = solve.smooth_closure};
+  const auto transport =
+      times.measure("form_factors", [&] { return radiosity::Transport::build(elements, transport_params, progress); });
+  outcome.transport = transport.report();
+
+  const auto direct = times.measure("direct_light", [&] {
+    const auto terms = radiosity::direct_light(scene, elements, transport, progress);
+    return radiosity::total(terms, elements.size(), scene.grid.size());
+  });
+  const radiosity::SolveParams solve_params{
+      .bounces = solve.bounces, .tolerance = solve.tolerance, .max_iterations = solve.max_iterations};
+  outcome.solution = times.measure("solve", [&] {
+    return radiosity::solve(transport, scene.materials, elements.material, direct, solve_params, progress);
+  });
+  if (!outcome.solution.converged) {
+    throw NumericalFailure(
+        fmt::format("The solve did not converge: relative residual {:.2e} after {} iterations, wanted {:.2e}. Raise "
+                    "solve.max_iterations or solve.tolerance.",
+                    outcome.solution.relative_residual, outcome.solution.iterations, solve.tolerance));
+  }
+  outcome.balance = times.measure(
+      "energy_balance", [&] { return radiosity::energy_balance(scene, elements, transport, outcome.solution); });
+
+  const rendering::RenderParams render_params{.samples_per_side = description.render.samples_per_side,
+                                              .gather_tolerance = description.render.gather_tolerance};
+  outcome.images = times.measure(
+      "render", [&] { return rendering::render(scene, elements, outcome.solution, render_params, progress); });
+  times.measure("shading_terms", [&] {
+    outcome.contact = rendering::contact_ratio(scene, elements, outcome.images, description.output.contact_region_mm);
+    if (solve.model == scene::LightModel::kPaper) outcome.images = rendering::paper_images(scene, outcome.images);
+  });
+  return outcome;
+}
+
+}  // namespace interglow::cli
