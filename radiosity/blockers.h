@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// The faces of a scene as obstacles: few large convex outlines instead of many small faces.
+/// The faces of a scene as obstacles: few large convex bodies instead of many small faces.
 #pragma once
 
 #include <Eigen/Core>
-#include <span>
 #include <vector>
 
 #include "radiosity/element_tree.h"
@@ -11,24 +10,35 @@
 
 namespace interglow::radiosity {
 
-/// An opaque, two-sided, planar convex outline.
-struct Blocker {
-  std::vector<Eigen::Vector3d> corner;  ///< counter-clockwise about `normal`
-  Eigen::Vector3d normal;               ///< unit
-  double offset = 0.0;                  ///< normal · x of its plane
-  Box box;
-
-  double height(const Eigen::Vector3d& p) const { return normal.dot(p) - offset; }
+/// An opaque convex obstacle: a closed polyhedron, or a planar polygon seen from both sides.
+struct ConvexBody {
+  struct Face {
+    Eigen::Vector3d normal;  ///< unit, outward
+    double offset = 0.0;     ///< normal · x of its plane
+    double height(const Eigen::Vector3d& p) const { return normal.dot(p) - offset; }
+  };
+  struct Edge {
+    int a, b;         ///< vertices
+    int face, other;  ///< the faces that meet in it; other is -1 in a polygon
+  };
+  std::vector<Eigen::Vector3d> vertex;  ///< of a polygon: its corners in order, counter-clockwise about its normal
+  std::vector<Face> face;               ///< of a polygon: one
+  std::vector<Edge> edge;
+  bool solid = false;
+  int object = 0;
+  Box box = Box::empty();
 };
 
 struct Blockers {
-  std::vector<Blocker> blocker;
-  std::vector<int> of_face;  ///< the blocker that a face is part of; -1: a face that can block nothing
+  std::vector<ConvexBody> body;
+  /// Planar convex outlines of all merged faces: what `body` is made of, for methods that need single polygons.
+  std::vector<std::vector<Eigen::Vector3d>> outline;
+  std::vector<int> first_outline;  ///< outlines of body b: first_outline[b] .. first_outline[b + 1]
 };
 
-/// Neighbouring faces of an object in one plane are merged where the union is convex: a cube of n x n quads a side
-/// becomes six blockers. Faces with the whole scene on one side of their plane block nothing and are left out. Cost
-/// O(faces log faces).
-Blockers make_blockers(const Faces& faces, double flat);
+/// Neighbouring faces of an object in one plane are merged where the union is convex, and an object that is closed and
+/// convex becomes one body: a cube of n x n quads a side is a body of six faces. Nothing is lost by it. Faces with the
+/// whole scene on one side of their plane block nothing and are left out. Cost O(faces log faces).
+Blockers make_blockers(const Elements& elements, double flat);
 
 }  // namespace interglow::radiosity

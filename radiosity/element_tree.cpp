@@ -11,6 +11,13 @@ namespace interglow::radiosity {
 
 using Eigen::Vector3d;
 
+namespace {
+
+/// Share of the terms of a scalar product that rounding of the normal and the differences may leave.
+constexpr double kRounding = 8e-16;
+
+}  // namespace
+
 Box Box::empty() {
   const Vector3d infinite = Vector3d::Constant(std::numeric_limits<double>::infinity());
   return {infinite, -infinite};
@@ -69,9 +76,17 @@ int ElementTree::build(const Elements& elements, int first, int count) {
       least = std::min(least, cluster.axis.dot(normal));
       farthest = std::max(farthest, cluster.axis.cross(normal).norm());
     }
+    // Normals of one plane differ by rounding alone.
+    if (farthest < 1e-14) farthest = 0.0;
     cluster.sin_spread = least > 0.0 ? std::min(1.0, farthest) : 1.0;
   } else {
     cluster.sin_spread = 1.0;
+  }
+  cluster.lowest = std::numeric_limits<double>::infinity();
+  for (auto it = begin; it != end; ++it) {
+    const Polygon& polygon = polygons_[static_cast<std::size_t>(*it)];
+    for (int k = 0; k < polygon.corners; ++k)
+      cluster.lowest = std::min(cluster.lowest, cluster.axis.dot(polygon.corner[static_cast<std::size_t>(k)]));
   }
   const int node = static_cast<int>(clusters_.size());
   clusters_.push_back(cluster);
@@ -101,7 +116,7 @@ int ElementTree::build(const Elements& elements, int first, int count) {
   return node;
 }
 
-bool may_face(const Cluster& cluster, const Box& box, double flat) {
+bool may_face(const Cluster& cluster, const Box& box) {
   if (cluster.sin_spread >= 1.0) return true;
   // max over normals of n · d is a convex function of d: it is greatest in a corner of the box of differences.
   const Vector3d least = box.low - cluster.box.high;
@@ -109,12 +124,21 @@ bool may_face(const Cluster& cluster, const Box& box, double flat) {
   if (cluster.sin_spread == 0.0) {
     double highest = 0.0;
     for (int k = 0; k < 3; ++k) highest += std::max(cluster.axis[k] * least[k], cluster.axis[k] * most[k]);
-    return highest > flat;
+    // In doubt it may: the mean normal of a cluster is rounded.
+    return highest > -kRounding * least.cwiseAbs().cwiseMax(most.cwiseAbs()).sum();
   }
   const Box differences{least, most};
   for (int k = 0; k < 8; ++k) {
     const Vector3d d = differences.corner(k);
-    if (cluster.axis.dot(d) > -cluster.sin_spread * d.norm() + flat) return true;
+    if (cluster.axis.dot(d) > -(cluster.sin_spread + kRounding) * d.norm()) return true;
+  }
+  return false;
+}
+
+bool in_front(const Vector3d& normal, const Vector3d& origin, const Polygon& other) {
+  for (int k = 0; k < other.corners; ++k) {
+    const Vector3d d = other.corner[static_cast<std::size_t>(k)] - origin;
+    if (normal.dot(d) > kRounding * normal.cwiseAbs().dot(d.cwiseAbs())) return true;
   }
   return false;
 }

@@ -33,6 +33,7 @@ struct Cluster {
   Box box = Box::empty();               ///< holds all corners
   Eigen::Vector3d axis{0.0, 0.0, 1.0};  ///< all normals lie within a cone around it
   double sin_spread = 0.0;              ///< sine of the cone's half-angle; 1: half a sphere or more, no bound
+  double lowest = 0.0;                  ///< least of axis · x over the corners
 };
 
 /// Binary tree down to single elements, split at the median of the widest of position and normal.
@@ -42,6 +43,7 @@ class ElementTree {
   explicit ElementTree(const Elements& elements);
 
   const Cluster& cluster(int node) const { return clusters_[static_cast<std::size_t>(node)]; }
+  int size() const { return static_cast<int>(clusters_.size()); }
   int root() const { return clusters_.empty() ? -1 : 0; }
   const std::vector<int>& order() const { return order_; }
   const Polygon& polygon(int element) const {
@@ -60,7 +62,10 @@ class ElementTree {
 };
 
 /// False only if no normal of the cluster has any point of `box` in front of any point of the cluster.
-bool may_face(const Cluster& cluster, const Box& box, double flat);
+bool may_face(const Cluster& cluster, const Box& box);
+
+/// Whether some corner of `other` lies in front of the plane through `origin`, beyond rounding.
+bool in_front(const Eigen::Vector3d& normal, const Eigen::Vector3d& origin, const Polygon& other);
 
 /// True only if a plane strictly separates the two sets of points.
 bool separated(const Eigen::Vector3d* a, int a_count, const Eigen::Vector3d* b, int b_count, double flat);

@@ -9,13 +9,17 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <mutex>
+#include <cstdint>
+#include <limits>
+#include <optional>
 #include <vector>
 
 #include "radiosity/blockers.h"
 #include "radiosity/element_tree.h"
 #include "radiosity/form_factor.h"
-#include "radiosity/occluded_form_factor.h"
+#include "radiosity/form_factor_batch.h"
+#include "radiosity/shadow_cells.h"
+#include "radiosity/visibility.h"
 
 namespace interglow::radiosity {
 namespace {
@@ -29,13 +33,22 @@ constexpr int kTileSize = 32;
 /// Pieces of parallel work to aim at: enough to keep many cores busy to the end.
 constexpr std::size_t kTasks = 1024;
 
+/// More polygons than this in the way of one pair are sampled by rays: clipping would cost more than the tolerance is
+/// worth.
+constexpr std::size_t kMostClipped = 12;
+
 struct Problem {
   const Elements& elements;
   const TransportParams& params;
   ElementTree tree;
   Blockers blockers;
-  std::vector<int> tile_of_node;  ///< number of the tile cluster a node is, -1 if it is none
-  double entry_tolerance;         ///< of one form factor
+  std::vector<int> tile_of_node;              ///< number of the tile cluster a node is, -1 if it is none
+  std::vector<std::uint64_t> hidden_objects;  ///< by node: bit o: nothing of object o rises above any member's plane
+  std::vector<char> black;                    ///< by node: all members are black
+  std::vector<double> rise;      ///< by node: what rises less above the members' planes counts as below them [mm]
+  double entry_tolerance = 0.0;  ///< of one form factor
+  std::optional<FormFactorBatch> kernel;
+  std::optional<Visibility> visibility;
 };
 
 struct NodePair {
@@ -45,8 +58,46 @@ struct NodePair {
 
 struct Shaft {
   std::array<Vector3d, 16> corner;
+  int a_corners = 0;
   int corners = 0;
+  Box hull = Box::empty();
 };
+
+/// Whether every line between the two ends of a shaft meets the body: for a convex body it is enough that all lines
+/// between corners do.
+bool covers(const ConvexBody& body, const Shaft& shaft, double flat) {
+  for (int i = 0; i < shaft.a_corners; ++i) {
+    for (int j = shaft.a_corners; j < shaft.corners; ++j) {
+      const Vector3d& p = shaft.corner[static_cast<std::size_t>(i)];
+      const Vector3d& q = shaft.corner[static_cast<std::size_t>(j)];
+      if (body.solid) {
+        double enter = 0.0;
+        double leave = 1.0;
+        for (const ConvexBody::Face& face : body.face) {
+          const double hp = face.height(p);
+          const double hq = face.height(q);
+          if (hp >= -flat && hq >= -flat) return false;
+          if (hp > 0.0)
+            enter = std::max(enter, hp / (hp - hq));
+          else if (hq > 0.0)
+            leave = std::min(leave, hp / (hp - hq));
+        }
+        if (!(enter < leave)) return false;
+      } else {
+        const ConvexBody::Face& plane = body.face[0];
+        const double hp = plane.height(p);
+        const double hq = plane.height(q);
+        if (!((hp > flat && hq < -flat) || (hp < -flat && hq > flat))) return false;
+        const Vector3d x = (q * hp - p * hq) / (hp - hq);
+        for (std::size_t k = 0; k < body.vertex.size(); ++k) {
+          const Vector3d edge = body.vertex[k + 1 < body.vertex.size() ? k + 1 : 0] - body.vertex[k];
+          if (plane.normal.cross(edge).dot(x - body.vertex[k]) < 0.0) return false;
+        }
+      }
+    }
+  }
+  return true;
+}
 
 /// Works through pairs of clusters of one task.
 class Descent {
@@ -55,9 +106,7 @@ class Descent {
 
   void run(NodePair pair) {
     Candidates all;
-    if (problem_.params.occlusion) {
-      for (std::size_t k = 0; k < problem_.blockers.blocker.size(); ++k) all.push_back(static_cast<int>(k));
-    }
+    for (std::size_t k = 0; k < problem_.blockers.body.size(); ++k) all.push_back(static_cast<int>(k));
     to_tiles(pair.a, pair.b, all);
   }
 
@@ -70,17 +119,30 @@ class Descent {
   std::vector<RowError> row_errors;
 
  private:
+  /// A pair of a tile that blockers may reach.
+  struct Shadowed {
+    int row;
+    int column;
+    int first_candidate;
+    int candidates;
+  };
+
   const Cluster& cluster(int node) const { return problem_.tree.cluster(node); }
   double flat() const { return problem_.tree.flat(); }
   bool is_tile(int node) const { return problem_.tile_of_node[static_cast<std::size_t>(node)] >= 0; }
+  int element(int position) const { return problem_.tree.order()[static_cast<std::size_t>(position)]; }
 
   bool may_exchange(int a, int b) const {
-    return may_face(cluster(a), cluster(b).box, flat()) && may_face(cluster(b), cluster(a).box, flat());
+    // Two black sides exchange nothing that anybody asks for.
+    if (problem_.black[static_cast<std::size_t>(a)] != 0 && problem_.black[static_cast<std::size_t>(b)] != 0)
+      return false;
+    return may_face(cluster(a), cluster(b).box) && may_face(cluster(b), cluster(a).box);
   }
 
   void to_tiles(int a, int b, const Candidates& candidates) {
     if (!may_exchange(a, b)) return;
-    const Candidates left = thin_out(a, b, candidates);
+    Candidates left;
+    if (!thin_out(a, b, candidates, left)) return;
     if (is_tile(a) && is_tile(b)) {
       tile(a, b, left);
       return;
@@ -103,13 +165,18 @@ class Descent {
       std::swap(a, b);
     row_first_ = cluster(a).first;
     column_first_ = cluster(b).first;
+    rows_ = cluster(a).count;
     columns_ = cluster(b).count;
-    values_.assign(static_cast<std::size_t>(cluster(a).count) * static_cast<std::size_t>(columns_), 0.0);
-    squared_error_a_.assign(static_cast<std::size_t>(cluster(a).count), 0.0);
-    squared_error_b_.assign(static_cast<std::size_t>(columns_), 0.0);
+    facing_.assign(static_cast<std::size_t>(rows_ * columns_), 0);
+    shadowed_.clear();
+    candidate_pool_.clear();
     any_ = false;
     pairs(a, b, candidates);
     if (!any_) return;
+    values_.assign(static_cast<std::size_t>(rows_ * columns_), 0.0);
+    squared_error_a_.assign(static_cast<std::size_t>(rows_), 0.0);
+    squared_error_b_.assign(static_cast<std::size_t>(columns_), 0.0);
+    fill();
     if (a == b) {
       for (int r = 0; r < columns_; ++r) {
         for (int c = 0; c < r; ++c) {
@@ -121,8 +188,7 @@ class Descent {
     }
     const auto add_errors = [&](int first, const std::vector<double>& squared) {
       for (std::size_t k = 0; k < squared.size(); ++k) {
-        if (squared[k] > 0.0)
-          row_errors.push_back({problem_.tree.order()[static_cast<std::size_t>(first) + k], squared[k]});
+        if (squared[k] > 0.0) row_errors.push_back({element(first + static_cast<int>(k)), squared[k]});
       }
     };
     add_errors(row_first_, squared_error_a_);
@@ -132,6 +198,7 @@ class Descent {
                            problem_.tile_of_node[static_cast<std::size_t>(b)], chunk.values.back().data()});
   }
 
+  /// Marks the pairs of a tile that face one another and lists those that blockers may reach.
   void pairs(int a, int b, const Candidates& candidates) {
     const Cluster& ca = cluster(a);
     const Cluster& cb = cluster(b);
@@ -145,13 +212,17 @@ class Descent {
     if (!may_exchange(a, b)) return;
     if (candidates.empty()) {
       for (int p = ca.first; p < ca.first + ca.count; ++p) {
-        for (int q = cb.first; q < cb.first + cb.count; ++q) one_pair(p, q, candidates);
+        for (int q = cb.first; q < cb.first + cb.count; ++q) mark(p, q);
       }
       return;
     }
-    const Candidates left = thin_out(a, b, candidates);
+    Candidates left;
+    if (!thin_out(a, b, candidates, left)) return;
     if (ca.count == 1 && cb.count == 1) {
-      one_pair(ca.first, cb.first, left);
+      if (!mark(ca.first, cb.first) || left.empty()) return;
+      shadowed_.push_back({ca.first - row_first_, cb.first - column_first_, static_cast<int>(candidate_pool_.size()),
+                           static_cast<int>(left.size())});
+      candidate_pool_.insert(candidate_pool_.end(), left.begin(), left.end());
     } else if (cb.count == 1 ||
                (ca.count > 1 && (ca.box.high - ca.box.low).squaredNorm() >= (cb.box.high - cb.box.low).squaredNorm())) {
       pairs(ca.left, b, left);
@@ -162,114 +233,265 @@ class Descent {
     }
   }
 
-  bool in_front(int element, const Polygon& other) const {
-    const Vector3d normal = problem_.elements.normal.row(element).transpose();
-    const Vector3d& origin = problem_.tree.polygon(element).corner[0];
-    for (int k = 0; k < other.corners; ++k) {
-      if (normal.dot(other.corner[static_cast<std::size_t>(k)] - origin) > flat()) return true;
-    }
-    return false;
+  bool in_front_of(int i, const Polygon& other) const {
+    return in_front(problem_.elements.normal.row(i).transpose(), problem_.tree.polygon(i).corner[0], other);
   }
 
-  void one_pair(int p, int q, const Candidates& candidates) {
-    int i = problem_.tree.order()[static_cast<std::size_t>(p)];
-    int j = problem_.tree.order()[static_cast<std::size_t>(q)];
-    // Two black sides exchange nothing that anybody asks for.
+  bool mark(int p, int q) {
+    const int i = element(p);
+    const int j = element(q);
     if (problem_.elements.material[static_cast<std::size_t>(i)] < 0 &&
         problem_.elements.material[static_cast<std::size_t>(j)] < 0)
-      return;
-    if (i > j) std::swap(i, j);
-    const Polygon& a = problem_.tree.polygon(i);
-    const Polygon& b = problem_.tree.polygon(j);
-    if (!in_front(i, b) || !in_front(j, a)) return;
+      return false;
+    if (!in_front_of(i, problem_.tree.polygon(j)) || !in_front_of(j, problem_.tree.polygon(i))) return false;
     ++counts.facing_pairs;
-    const double smaller = std::min(problem_.elements.area_mm2[i], problem_.elements.area_mm2[j]);
-    FormFactor exchange = exchange_area(a, b, 0.1 * problem_.entry_tolerance * smaller);
-    if (exchange.value > 0.0 && !candidates.empty()) occlude(i, j, candidates, smaller, exchange);
-    ++counts.pairs_by_method[static_cast<std::size_t>(exchange.method)];
-    if (!(exchange.value > 0.0)) return;
     any_ = true;
-    const int row = p - row_first_;
-    const int column = q - column_first_;
-    values_[static_cast<std::size_t>(row * columns_ + column)] = exchange.value;
-    const auto squared = [&](int position) {
-      const double error = exchange.error_estimate /
-                           problem_.elements.area_mm2[problem_.tree.order()[static_cast<std::size_t>(position)]];
-      return error * error;
-    };
-    squared_error_a_[static_cast<std::size_t>(row)] += squared(row + row_first_);
-    squared_error_b_[static_cast<std::size_t>(column)] += squared(column + column_first_);
+    facing_[static_cast<std::size_t>((p - row_first_) * columns_ + q - column_first_)] = 1;
+    return true;
   }
 
-  void occlude(int i, int j, const Candidates& candidates, double smaller, FormFactor& exchange) {
-    outlines_.clear();
-    for (int k : candidates) outlines_.emplace_back(problem_.blockers.blocker[static_cast<std::size_t>(k)].corner);
-    const Polygon& a = problem_.tree.polygon(i);
-    const Polygon& b = problem_.tree.polygon(j);
-    const double tolerance = problem_.entry_tolerance * smaller / exchange.value;
-    const VisibleShare share = visible_share(a, b, outlines_, tolerance, false, work_);
-    if (share.partial) {
-      ++counts.partially_visible_pairs;
-      exchange.error_estimate += share.error_estimate * exchange.value;
-      exchange.value *= share.share;
-      exchange.method = FormFactorMethod::kOccluded;
-    } else if (share.share == 0.0) {
-      ++counts.blocked_pairs;
-      exchange = {0.0, 0.0, FormFactorMethod::kBlocked};
+  /// Exchange areas of the marked pairs of a tile, row by row; then what blockers leave of them.
+  void fill() {
+    results_.resize(static_cast<std::size_t>(rows_ * columns_));
+    for (int r = 0; r < rows_; ++r) {
+      others_.clear();
+      columns_of_others_.clear();
+      for (int c = 0; c < columns_; ++c) {
+        if (facing_[static_cast<std::size_t>(r * columns_ + c)] == 0) continue;
+        others_.push_back(static_cast<std::uint32_t>(element(column_first_ + c)));
+        columns_of_others_.push_back(c);
+      }
+      row_results_.assign(others_.size(), FormFactor{});
+      problem_.kernel->exchange_areas(static_cast<std::uint32_t>(element(row_first_ + r)), others_,
+                                      0.1 * problem_.entry_tolerance, row_results_);
+      for (std::size_t k = 0; k < others_.size(); ++k) {
+        // The vector kernel takes patches that rise above a plane by a few roundings of the scene as not rising.
+        if (row_results_[k].method == FormFactorMethod::kZero) {
+          const double smaller = std::min(problem_.elements.area_mm2[element(row_first_ + r)],
+                                          problem_.elements.area_mm2[static_cast<Eigen::Index>(others_[k])]);
+          row_results_[k] = exchange_area(problem_.tree.polygon(element(row_first_ + r)),
+                                          problem_.tree.polygon(static_cast<int>(others_[k])),
+                                          0.1 * problem_.entry_tolerance * smaller);
+        }
+        results_[static_cast<std::size_t>(r * columns_ + columns_of_others_[k])] = row_results_[k];
+      }
+    }
+    for (const Shadowed& pair : shadowed_) {
+      FormFactor& exchange = results_[static_cast<std::size_t>(pair.row * columns_ + pair.column)];
+      if (exchange.value > 0.0) shadow(pair, exchange);
+    }
+    for (int r = 0; r < rows_; ++r) {
+      for (int c = 0; c < columns_; ++c) {
+        const auto at = static_cast<std::size_t>(r * columns_ + c);
+        if (facing_[at] == 0) continue;
+        const FormFactor& exchange = results_[at];
+        ++counts.pairs_by_method[static_cast<std::size_t>(exchange.method)];
+        values_[at] = exchange.value;
+        const double squared = exchange.error_estimate * exchange.error_estimate;
+        const double area_a = problem_.elements.area_mm2[element(row_first_ + r)];
+        const double area_b = problem_.elements.area_mm2[element(column_first_ + c)];
+        squared_error_a_[static_cast<std::size_t>(r)] += squared / (area_a * area_a);
+        squared_error_b_[static_cast<std::size_t>(c)] += squared / (area_b * area_b);
+      }
     }
   }
+
+  void shadow(const Shadowed& pair, FormFactor& exchange) {
+    int outer = element(row_first_ + pair.row);
+    int source = element(column_first_ + pair.column);
+    if (outer > source) std::swap(outer, source);
+    bodies_.clear();
+    for (int k = 0; k < pair.candidates; ++k) {
+      bodies_.push_back(
+          &problem_.blockers
+               .body[static_cast<std::size_t>(candidate_pool_[static_cast<std::size_t>(pair.first_candidate + k)])]);
+    }
+    const double tolerance = 0.5 * problem_.entry_tolerance *
+                             std::min(problem_.elements.area_mm2[outer], problem_.elements.area_mm2[source]);
+    ShadowResult result;
+    if (bodies_.size() > kMostClipped) {
+      result = sample(outer, source, exchange.value, tolerance);
+    } else {
+      if (better_outer(source, outer)) std::swap(outer, source);
+      result =
+          cells_.integrate(problem_.tree.polygon(outer), problem_.tree.polygon(source), bodies_, tolerance, flat());
+    }
+    if (!result.touched) return;
+    if (result.covered) {
+      ++counts.blocked_pairs;
+      exchange = {0.0, 0.0, FormFactorMethod::kBlocked};
+      return;
+    }
+    ++counts.partially_visible_pairs;
+    exchange.value = std::clamp(exchange.value - result.hidden, 0.0, exchange.value);
+    exchange.error_estimate += result.error_estimate;
+    exchange.method = FormFactorMethod::kOccluded;
+  }
+
+  /// Seen from the farther patch, shadows on the other one move less: their edges cross fewer of its corners.
+  bool better_outer(int i, int j) const {
+    const auto nearest = [&](int e) {
+      double least = std::numeric_limits<double>::infinity();
+      const Vector3d p = problem_.elements.centroid.row(e).transpose();
+      for (const ConvexBody* body : bodies_)
+        least = std::min(least, (p.cwiseMax(body->box.low).cwiseMin(body->box.high) - p).squaredNorm());
+      return least;
+    };
+    return problem_.elements.area_mm2[i] * nearest(j) < problem_.elements.area_mm2[j] * nearest(i);
+  }
+
+  ShadowResult sample(int i, int j, double exchange, double tolerance);
 
   void add_to_shaft(int node, Shaft& shaft) const {
     const Cluster& c = cluster(node);
+    const auto add = [&](const Vector3d& p) {
+      shaft.corner[static_cast<std::size_t>(shaft.corners++)] = p;
+      shaft.hull.cover(p);
+    };
     if (c.count == 1) {
-      const Polygon& polygon = problem_.tree.polygon(problem_.tree.order()[static_cast<std::size_t>(c.first)]);
-      for (int k = 0; k < polygon.corners; ++k)
-        shaft.corner[static_cast<std::size_t>(shaft.corners++)] = polygon.corner[static_cast<std::size_t>(k)];
+      const Polygon& polygon = problem_.tree.polygon(element(c.first));
+      for (int k = 0; k < polygon.corners; ++k) add(polygon.corner[static_cast<std::size_t>(k)]);
     } else {
-      for (int k = 0; k < 8; ++k) shaft.corner[static_cast<std::size_t>(shaft.corners++)] = c.box.corner(k);
+      for (int k = 0; k < 8; ++k) add(c.box.corner(k));
     }
   }
 
-  /// The candidates that may cut a line between a member of `a` and one of `b`.
-  Candidates thin_out(int a, int b, const Candidates& candidates) const {
-    Candidates left;
-    if (candidates.empty()) return left;
+  /// Whether some vertex of the body rises above some member's plane.
+  bool may_rise_above(int node, const ConvexBody& body) const {
+    const Cluster& c = cluster(node);
+    if (c.sin_spread == 0.0) {
+      return std::any_of(body.vertex.begin(), body.vertex.end(), [&](const Vector3d& v) {
+        return c.axis.dot(v) - c.lowest > problem_.rise[static_cast<std::size_t>(node)];
+      });
+    }
+    return may_face(c, body.box);
+  }
+
+  /// Keeps the candidates that may cut a line between a member of `a` and one of `b`; false if one of them cuts all
+  /// lines.
+  bool thin_out(int a, int b, const Candidates& candidates, Candidates& left) {
+    if (candidates.empty()) return true;
     Shaft shaft;
     add_to_shaft(a, shaft);
-    const int a_corners = shaft.corners;
+    shaft.a_corners = shaft.corners;
     add_to_shaft(b, shaft);
-    Box hull = Box::empty();
-    for (int k = 0; k < shaft.corners; ++k) hull.cover(shaft.corner[static_cast<std::size_t>(k)]);
-    for (int k : candidates) {
-      const Blocker& blocker = problem_.blockers.blocker[static_cast<std::size_t>(k)];
-      if ((blocker.box.low.array() > hull.high.array() + flat()).any() ||
-          (blocker.box.high.array() < hull.low.array() - flat()).any())
+    const std::uint64_t hidden =
+        problem_.hidden_objects[static_cast<std::size_t>(a)] | problem_.hidden_objects[static_cast<std::size_t>(b)];
+    for (const int k : candidates) {
+      const ConvexBody& body = problem_.blockers.body[static_cast<std::size_t>(k)];
+      if (body.object < 64 && ((hidden >> body.object) & 1U) != 0) continue;
+      if ((body.box.low.array() > shaft.hull.high.array() + flat()).any() ||
+          (body.box.high.array() < shaft.hull.low.array() - flat()).any())
         continue;
-      int a_sides = 0;
-      int b_sides = 0;
-      for (int c = 0; c < shaft.corners; ++c) {
-        const double height = blocker.height(shaft.corner[static_cast<std::size_t>(c)]);
-        (c < a_corners ? a_sides : b_sides) |= height > flat() ? 1 : height < -flat() ? 2 : 0;
+      bool beside = false;
+      for (const ConvexBody::Face& face : body.face) {
+        bool front = false;
+        bool back = false;
+        for (int c = 0; c < shaft.corners; ++c) {
+          const double height = face.height(shaft.corner[static_cast<std::size_t>(c)]);
+          front = front || height > flat();
+          back = back || height < -flat();
+        }
+        if (!back || (!front && !body.solid)) {
+          beside = true;
+          break;
+        }
       }
-      if ((a_sides | b_sides) != 3) continue;
-      if (!may_face(cluster(a), blocker.box, flat()) || !may_face(cluster(b), blocker.box, flat())) continue;
-      if (separated(shaft.corner.data(), shaft.corners, blocker.corner.data(), static_cast<int>(blocker.corner.size()),
+      if (beside || !may_rise_above(a, body) || !may_rise_above(b, body)) continue;
+      if (separated(shaft.corner.data(), shaft.corners, body.vertex.data(), static_cast<int>(body.vertex.size()),
                     flat()))
         continue;
+      if (a != b && covers(body, shaft, flat())) {
+        counts.blocked_pairs += static_cast<std::int64_t>(cluster(a).count) * cluster(b).count;
+        return false;
+      }
       left.push_back(k);
     }
-    return left;
+    return true;
   }
 
   const Problem& problem_;
-  VisiblePart work_;
-  std::vector<BlockerOutline> outlines_;
+  ShadowCells cells_;
+  std::vector<const ConvexBody*> bodies_;
+  std::vector<char> facing_;
+  std::vector<Shadowed> shadowed_;
+  std::vector<int> candidate_pool_;
+  std::vector<std::uint32_t> others_;
+  std::vector<int> columns_of_others_;
+  std::vector<FormFactor> results_, row_results_;
+  std::vector<Segment> segments_;
+  std::vector<char> segment_blocked_;
   std::vector<double> values_, squared_error_a_, squared_error_b_;
   int row_first_ = 0;
   int column_first_ = 0;
+  int rows_ = 0;
   int columns_ = 0;
   bool any_ = false;
 };
+
+/// Points of a rank-1 lattice in four dimensions (powers of the root of x^5 = x + 1), mapped to the two patches.
+ShadowResult Descent::sample(int i, int j, double exchange, double tolerance) {
+  constexpr std::array<double, 4> kStep = {0.8566748838545029, 0.733891856627126, 0.6287067210378087,
+                                           0.5385972572236101};
+  constexpr int kFewest = 64;
+  constexpr int kMost = 1024;
+  const auto at = [](const Polygon& polygon, double u, double v, double& weight) -> Vector3d {
+    const auto& [a, b, c, d] = polygon.corner;
+    if (polygon.corners == 3) {
+      if (u + v > 1.0) {
+        u = 1.0 - u;
+        v = 1.0 - v;
+      }
+      weight = 1.0;
+      return a + u * (b - a) + v * (c - a);
+    }
+    weight = ((1 - v) * (b - a) + v * (c - d)).cross((1 - u) * (d - a) + u * (c - b)).norm();
+    return (1 - u) * ((1 - v) * a + v * d) + u * ((1 - v) * b + v * c);
+  };
+  const Vector3d normal_i = problem_.elements.normal.row(i).transpose();
+  const Vector3d normal_j = problem_.elements.normal.row(j).transpose();
+  double whole = 0.0;
+  double seen = 0.0;
+  std::vector<double> weights;
+  ShadowResult result;
+  int done = 0;
+  for (int goal = kFewest; goal <= kMost; goal *= 2) {
+    segments_.clear();
+    weights.clear();
+    for (; done < goal; ++done) {
+      std::array<double, 4> x;
+      for (std::size_t k = 0; k < 4; ++k) {
+        const double turn = 0.5 + (done + 1) * kStep[k];
+        x[k] = turn - std::floor(turn);
+      }
+      double weight_i = 0.0;
+      double weight_j = 0.0;
+      const Vector3d p = at(problem_.tree.polygon(i), x[0], x[1], weight_i);
+      const Vector3d q = at(problem_.tree.polygon(j), x[2], x[3], weight_j);
+      const Vector3d line = q - p;
+      const double cosines = std::max(0.0, normal_i.dot(line)) * std::max(0.0, -normal_j.dot(line));
+      if (cosines <= 0.0) continue;
+      const double squared = line.squaredNorm();
+      weights.push_back(weight_i * weight_j * cosines / (squared * squared));
+      segments_.push_back({p, q, problem_.elements.face[static_cast<std::size_t>(i)],
+                           problem_.elements.face[static_cast<std::size_t>(j)]});
+    }
+    segment_blocked_.resize(segments_.size());
+    problem_.visibility->blocked(segments_, segment_blocked_);
+    for (std::size_t k = 0; k < weights.size(); ++k) {
+      whole += weights[k];
+      if (segment_blocked_[k] == 0) seen += weights[k];
+    }
+    const double share = whole > 0.0 ? seen / whole : 1.0;
+    result.touched = share < 1.0;
+    result.covered = share == 0.0;
+    result.hidden = (1.0 - share) * exchange;
+    // A lattice does better than the spread of independent samples; half a sample stays in doubt.
+    result.error_estimate = exchange * (std::sqrt(share * (1.0 - share) / done) + 0.5 / done);
+    if (result.error_estimate <= tolerance) break;
+  }
+  return result;
+}
 
 /// Numbers the tile clusters in order of position and returns their first positions.
 std::vector<int> mark_tiles(const ElementTree& tree, int node, std::vector<int>& tile_of_node,
@@ -292,6 +514,55 @@ std::vector<int> mark_tiles(const ElementTree& tree, int node, std::vector<int>&
   return first;
 }
 
+/// For every element, which objects stay below its plane; for every node, what holds for all of its members.
+void mark_nodes(Problem& problem) {
+  const Elements& elements = problem.elements;
+  const auto n = static_cast<std::size_t>(elements.size());
+  const int objects = elements.faces.object.empty() ? 0 : std::min(64, elements.faces.object.back() + 1);
+  std::vector<std::vector<Vector3d>> points(static_cast<std::size_t>(objects));
+  for (const ConvexBody& body : problem.blockers.body) {
+    if (body.object >= objects) continue;
+    auto& all = points[static_cast<std::size_t>(body.object)];
+    all.insert(all.end(), body.vertex.begin(), body.vertex.end());
+  }
+  std::vector<std::uint64_t> hidden(n, 0);
+  std::vector<double> rise(n, 0.0);
+  tbb::parallel_for(std::size_t{0}, n, [&](std::size_t e) {
+    const Vector3d normal = elements.normal.row(static_cast<Eigen::Index>(e)).transpose();
+    // Lines that leave at an angle of θ with the surface carry a share of θ² of the flux: rounded coordinates of a
+    // convex object may rise this far without hiding anything that the tolerance would notice.
+    rise[e] = std::max(problem.tree.flat(), std::sqrt(elements.area_mm2[static_cast<Eigen::Index>(e)]) *
+                                                std::min(1e-5, 0.1 * std::sqrt(problem.entry_tolerance)));
+    const double highest = normal.dot(problem.tree.polygon(static_cast<int>(e)).corner[0]) + rise[e];
+    for (int o = 0; o < objects; ++o) {
+      const auto& all = points[static_cast<std::size_t>(o)];
+      if (std::all_of(all.begin(), all.end(), [&](const Vector3d& p) { return normal.dot(p) <= highest; }))
+        hidden[e] |= std::uint64_t{1} << o;
+    }
+  });
+  const int nodes = problem.tree.size();
+  problem.hidden_objects.assign(static_cast<std::size_t>(nodes), ~std::uint64_t{0});
+  problem.black.assign(static_cast<std::size_t>(nodes), 1);
+  problem.rise.assign(static_cast<std::size_t>(nodes), std::numeric_limits<double>::infinity());
+  // Children come after their parents.
+  for (int node = nodes - 1; node >= 0; --node) {
+    const Cluster& cluster = problem.tree.cluster(node);
+    const auto at = static_cast<std::size_t>(node);
+    if (cluster.count == 1) {
+      const auto e = static_cast<std::size_t>(problem.tree.order()[static_cast<std::size_t>(cluster.first)]);
+      problem.hidden_objects[at] = hidden[e];
+      problem.rise[at] = rise[e];
+      problem.black[at] = elements.material[e] < 0 ? 1 : 0;
+      continue;
+    }
+    for (const int child : {cluster.left, cluster.right}) {
+      problem.rise[at] = std::min(problem.rise[at], problem.rise[static_cast<std::size_t>(child)]);
+      problem.hidden_objects[at] &= problem.hidden_objects[static_cast<std::size_t>(child)];
+      problem.black[at] = static_cast<char>(problem.black[at] & problem.black[static_cast<std::size_t>(child)]);
+    }
+  }
+}
+
 /// Splits the pair of the root with itself into about kTasks pairs of clusters, in a fixed order.
 std::vector<NodePair> make_tasks(const Problem& problem) {
   std::vector<NodePair> tasks = {{problem.tree.root(), problem.tree.root()}};
@@ -304,7 +575,7 @@ std::vector<NodePair> make_tasks(const Problem& problem) {
     for (const auto& [a, b] : tasks) {
       const Cluster& ca = problem.tree.cluster(a);
       const Cluster& cb = problem.tree.cluster(b);
-      if (!may_face(ca, cb.box, problem.tree.flat()) || !may_face(cb, ca.box, problem.tree.flat())) continue;
+      if (!may_face(ca, cb.box) || !may_face(cb, ca.box)) continue;
       if (is_tile(a) && is_tile(b)) {
         next.push_back({a, b});
         continue;
@@ -336,13 +607,20 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
   assembly.error_estimate = Eigen::VectorXd::Zero(n);
   assembly.report.elements = n;
   assembly.report.pairs = n * (n - 1) / 2;
-  Problem problem{elements, params, ElementTree(elements),
-                  {},       {},     params.tolerance / std::sqrt(static_cast<double>(std::max<Eigen::Index>(n, 1)))};
+  Problem problem{elements, params, ElementTree(elements), {}, {}, {}, {}, {}, 0.0, {}, {}};
+  problem.entry_tolerance = params.tolerance / std::sqrt(static_cast<double>(std::max<Eigen::Index>(n, 1)));
   if (n == 0) return assembly;
-  if (params.occlusion) problem.blockers = make_blockers(elements.faces, problem.tree.flat());
   problem.tile_of_node.assign(static_cast<std::size_t>(2 * n), -1);
   std::vector<int> first;
   mark_tiles(problem.tree, problem.tree.root(), problem.tile_of_node, first);
+  if (params.occlusion) {
+    problem.blockers = make_blockers(elements, problem.tree.flat());
+    problem.visibility.emplace(elements.faces);
+  }
+  std::vector<Polygon> polygons;
+  for (int e = 0; e < static_cast<int>(n); ++e) polygons.push_back(problem.tree.polygon(e));
+  problem.kernel.emplace(std::move(polygons));
+  mark_nodes(problem);
   const std::vector<NodePair> tasks = make_tasks(problem);
   assembly.report.seconds_search = seconds_since(start);
   const auto factors_start = std::chrono::steady_clock::now();

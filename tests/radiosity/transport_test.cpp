@@ -46,6 +46,20 @@ TEST(Transport, AFinerCubeAddsUpToItsFaces) {
   EXPECT_LT(transport.report().closure_max, 1e-8);
 }
 
+TEST(Transport, AClosedBoxWithObstaclesClosesWithinTheErrorEstimate) {
+  const Elements elements = make_elements(box_with_two_cubes(6, 2));
+  for (const double tolerance : {1e-3, 1e-4}) {
+    const Transport transport = Transport::build(elements, {.tolerance = tolerance});
+    const TransportReport& report = transport.report();
+    EXPECT_LT(report.closure_max, tolerance);
+    // Errors of the two patches of a pair that share a shadow's edge add up or cancel; the estimate takes them as
+    // independent.
+    EXPECT_LT(report.closure_max, 2.0 * report.error_estimate_max) << tolerance;
+    EXPECT_GT(report.partially_visible_pairs, 1000);
+    EXPECT_GT(report.blocked_pairs, 100);
+  }
+}
+
 TEST(Transport, IsReciprocalToTheBit) {
   const Elements elements = make_elements(box_with_two_cubes(3, 1));
   const Transport transport = Transport::build(elements, {.tolerance = 0.1});
@@ -70,6 +84,20 @@ TEST(Transport, HasTheSameBitsForAnyNumberOfThreads) {
   const RowMatrix one = run(1);
   EXPECT_TRUE(one == run(2));
   EXPECT_TRUE(one == run(2));
+}
+
+TEST(Transport, DoesNotDependOnTheUnitOfLength) {
+  scene::Scene scene = box_with_two_cubes(3, 1);
+  const Eigen::MatrixXd expected = dense(Transport::build(make_elements(scene), {.tolerance = 1e-4}));
+  for (const double scale : {1e-6, 1e6}) {
+    scene::Scene scaled = scene;
+    for (scene::Object& each : scaled.objects) {
+      for (Eigen::Vector3d& p : each.patches.points) p *= scale;
+    }
+    const Eigen::MatrixXd found = dense(Transport::build(make_elements(scaled), {.tolerance = 1e-4}));
+    // Powers of ten round the corners, so a cell may be cut once more or less: both are within the tolerance of an entry.
+    EXPECT_LT((found - expected).cwiseAbs().maxCoeff(), 2.0 * 1e-4 / std::sqrt(66.0)) << scale;
+  }
 }
 
 TEST(Transport, BothSidesOfASheetTakePart) {
