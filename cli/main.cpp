@@ -15,6 +15,7 @@ int main(int argc, char** argv) {
   add_run_command(app, session, action);
   add_inspect_command(app, session, action);
   add_compare_command(app, session, action);
+  add_cross_check_command(app, session, action);
   add_simulate_scan_command(app, session, action);
   add_form_factors_command(app, session, action);
   try {

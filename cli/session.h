@@ -10,7 +10,7 @@
 namespace interglow::cli {
 
 /// Exit statuses. Bad input never leaves half-written files.
-enum ExitStatus { kSuccess = 0, kFailure = 1, kBadInput = 2, kInterrupted = 130 };
+enum ExitStatus { kSuccess = 0, kFailure = 1, kBadInput = 2, kDisagrees = 3, kUndecided = 4, kInterrupted = 130 };
 
 /// Options before or after the subcommand's name, and the progress that long work reports to.
 struct Session {

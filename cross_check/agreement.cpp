@@ -82,38 +82,45 @@ double bernstein(double standard_error, double bound, double count, double alpha
   return std::sqrt(2.0 * log_term) * standard_error + 7.0 * bound * log_term / (3.0 * std::max(1.0, count - 1.0));
 }
 
+enum class RegionKind { kWhole, kTile, kBand };
+
 class Judge {
  public:
   Judge(const AgreementParams& params, std::size_t families) : params_(params), families_(families) {}
 
-  RegionResult result(const Comparison& comparison, std::string region, const RegionSums& sums, bool is_band) const {
+  RegionResult result(const Comparison& comparison, std::string region, const RegionSums& sums, RegionKind kind) const {
     RegionResult result;
     result.channel = comparison.channel;
     result.region = std::move(region);
     const auto pixels = static_cast<double>(sums.pixels);
     result.reference = sums.reference / pixels;
-    result.relative_difference = (sums.candidate - sums.reference) / sums.reference;
-    result.standard_error = std::sqrt(sums.variance) / sums.reference;
+    const double scale =
+        kind == RegionKind::kBand ? sums.reference : std::max(sums.reference, comparison.least_reference * pixels);
+    result.relative_difference = (sums.candidate - sums.reference) / scale;
+    result.standard_error = std::sqrt(sums.variance) / scale;
     result.degrees_of_freedom = comparison.batches > 1 && sums.variance_squared > 0.0
                                     ? (comparison.batches - 1) * sums.variance * sums.variance / sums.variance_squared
                                     : kInfinity;
     // Grid convergence with a safety factor of 3 and order 2: 3 |f_h - f_2h| / (2² - 1).
-    if (comparison.coarser) result.discretisation = std::abs(sums.candidate - sums.coarser) / sums.reference;
+    if (comparison.coarser) result.discretisation = std::abs(sums.candidate - sums.coarser) / scale;
     const double alpha = 1.0 - params_.confidence;
     result.half_width = quantile(params_.confidence, result.degrees_of_freedom) * result.standard_error;
-    if (comparison.largest_possible_sample && !is_band) {
+    if (comparison.largest_possible_sample && kind != RegionKind::kBand) {
       const double count = pixels * static_cast<double>(comparison.samples_per_pixel);
       result.bernstein_half_width =
-          bernstein(result.standard_error, *comparison.largest_possible_sample / result.reference, count, alpha);
+          bernstein(result.standard_error, *comparison.largest_possible_sample * pixels / scale, count, alpha);
     }
-    decide(result);
+    const double reach = kind == RegionKind::kWhole
+                             ? std::max(result.half_width, result.bernstein_half_width.value_or(0.0))
+                             : result.half_width;
+    decide(result, reach);
     return result;
   }
 
  private:
-  void decide(RegionResult& result) const {
+  /// @param reach  half-width that a claim of agreement must leave room for
+  void decide(RegionResult& result, double reach) const {
     const double difference = std::abs(result.relative_difference);
-    const double reach = std::max(result.half_width, result.bernstein_half_width.value_or(0.0));
     const double family_alpha = (1.0 - params_.confidence) / static_cast<double>(families_);
     const double family_reach = quantile(1.0 - family_alpha, result.degrees_of_freedom) * result.standard_error;
     if (difference + result.discretisation + reach < params_.margin) {
@@ -130,13 +137,21 @@ class Judge {
     } else {
       result.p_difference = std::min(1.0, 2.0 * upper_tail(beyond / result.standard_error, result.degrees_of_freedom));
     }
-    if (result.verdict == Verdict::kUndecided) {
-      // n grows the reach as 1/√n; the difference itself is taken as it was found.
-      const double room = std::abs(params_.margin - (difference + result.discretisation));
-      const double power_reach =
-          reach + quantile(0.5 + params_.power / 2.0, result.degrees_of_freedom) * result.standard_error;
-      result.samples_factor = room > 0.0 ? std::max(1.0, std::pow(power_reach / room, 2)) : kInfinity;
-    }
+    if (result.verdict == Verdict::kUndecided) result.samples_factor = wanted_samples(result, reach, family_reach);
+  }
+
+  /// n grows the reach as 1/√n. The difference is taken as it was found, unless it is so near to the margin that chance
+  /// may have put it there: then a quarter of the margin is planned for.
+  double wanted_samples(const RegionResult& result, double reach, double family_reach) const {
+    const double difference = std::abs(result.relative_difference);
+    const double to_agree = params_.margin - difference - result.discretisation;
+    const double to_disagree = difference - result.discretisation - params_.margin;
+    const double chance = quantile(0.5 + params_.power / 2.0, result.degrees_of_freedom) * result.standard_error;
+    double room = std::max(to_agree, to_disagree);
+    if (room < chance) room = std::max(room, 0.25 * (params_.margin - result.discretisation));
+    if (!(room > 0.0) || (result.standard_error == 0.0 && reach == 0.0)) return kInfinity;
+    const double whole_reach = (to_agree >= to_disagree ? reach : family_reach) + chance;
+    return std::max(1.0, std::pow(whole_reach / room, 2));
   }
 
   AgreementParams params_;
@@ -160,10 +175,11 @@ struct Region {
   const Comparison* comparison;
   std::string name;
   RegionSums sums;
-  bool is_band;
+  RegionKind kind;
 };
 
-std::vector<Region> regions_of(const Comparison& comparison, int tiles) {
+std::vector<Region> regions_of(const Comparison& comparison, int default_tiles) {
+  const int tiles = comparison.tiles_per_side.value_or(default_tiles);
   const image::SpectralImage& candidate = comparison.candidate;
   const Estimate& reference = comparison.reference;
   const auto bands = static_cast<std::size_t>(candidate.bands());
@@ -192,19 +208,19 @@ std::vector<Region> regions_of(const Comparison& comparison, int tiles) {
     }
   }
   std::vector<Region> regions;
-  regions.push_back({&comparison, "whole", whole, false});
+  regions.push_back({&comparison, "whole", whole, RegionKind::kWhole});
   if (tiles > 1) {
     for (std::size_t t = 0; t < tile.size(); ++t) {
       const auto side = static_cast<std::size_t>(tiles);
       regions.push_back(
-          {&comparison, fmt::format("tile row {} column {}", t / side + 1, t % side + 1), tile[t], false});
+          {&comparison, fmt::format("tile row {} column {}", t / side + 1, t % side + 1), tile[t], RegionKind::kTile});
     }
   }
-  if (bands > 1) {
+  if (bands > 1 && comparison.judge_bands) {
     for (std::size_t k = 0; k < bands; ++k) {
       regions.push_back({&comparison,
                          fmt::format("band {:g} nm", candidate.wavelength_nm[static_cast<Eigen::Index>(k)]), band[k],
-                         true});
+                         RegionKind::kBand});
     }
   }
   return regions;
@@ -248,7 +264,7 @@ Agreement judge(const std::vector<Comparison>& comparisons, const AgreementParam
     double mean_band_signal = 0.0;
     int bands = 0;
     for (const Region& region : regions) {
-      if (!region.is_band) continue;
+      if (region.kind != RegionKind::kBand) continue;
       mean_band_signal += region.sums.reference / static_cast<double>(region.sums.pixels);
       ++bands;
     }
@@ -256,7 +272,7 @@ Agreement judge(const std::vector<Comparison>& comparisons, const AgreementParam
     for (Region& region : regions) {
       const RegionSums& sums = region.sums;
       if (sums.pixels == 0) continue;
-      const double wanted = params.least_signal * (region.is_band ? mean_band_signal : mean_signal);
+      const double wanted = params.least_signal * (region.kind == RegionKind::kBand ? mean_band_signal : mean_signal);
       const bool dark = sums.reference / static_cast<double>(sums.pixels) <= wanted || sums.reference <= 0.0;
       // Light where the reference has none at all is a difference that no relative margin covers.
       const bool light_from_nothing =
@@ -270,8 +286,9 @@ Agreement judge(const std::vector<Comparison>& comparisons, const AgreementParam
   }
   const Judge judge(params, std::max<std::size_t>(1, judged.size()));
   for (const Region& region : judged) {
-    if (region.sums.reference > 0.0) {
-      agreement.regions.push_back(judge.result(*region.comparison, region.name, region.sums, region.is_band));
+    const bool measurable = region.kind != RegionKind::kBand && region.comparison->least_reference > 0.0;
+    if (region.sums.reference > 0.0 || measurable) {
+      agreement.regions.push_back(judge.result(*region.comparison, region.name, region.sums, region.kind));
       continue;
     }
     RegionResult result{.channel = region.comparison->channel, .region = region.name};
@@ -284,6 +301,7 @@ Agreement judge(const std::vector<Comparison>& comparisons, const AgreementParam
   agreement.verdict = agreement.regions.empty() ? Verdict::kUndecided : Verdict::kAgrees;
   for (const RegionResult& region : agreement.regions) {
     agreement.difference_detected |= region.difference_detected;
+    agreement.decidable &= std::isfinite(region.samples_factor);
     if (std::isfinite(region.samples_factor))
       agreement.samples_factor = std::max(agreement.samples_factor, region.samples_factor);
     if (region.verdict == Verdict::kDisagrees) agreement.verdict = Verdict::kDisagrees;

@@ -47,6 +47,13 @@ struct Comparison {
   std::int64_t samples_per_pixel = 0;
   /// Largest band-integrated radiance one sample can have; empty: unknown.
   std::optional<double> largest_possible_sample{};
+  /// Tiles along each side for this channel; empty: as in AgreementParams.
+  std::optional<int> tiles_per_side{};
+  /// Whether each band of the whole picture is a region of its own.
+  bool judge_bands = true;
+  /// Differences are relative to the region's mean signal, or to this if it is larger: what a faint component is to be
+  /// measured by [W m^-2 sr^-1; band regions ignore it].
+  double least_reference = 0.0;
 };
 
 /// One region (the whole picture, a tile, or a band of the whole picture) of one channel.
@@ -54,14 +61,15 @@ struct RegionResult {
   std::string channel;
   std::string region;
   double reference = 0.0;            ///< mean signal, W m^-2 sr^-1 (band regions: per nm)
-  double relative_difference = 0.0;  ///< (candidate - reference) / reference
+  double relative_difference = 0.0;  ///< (candidate - reference) / max(reference, Comparison::least_reference)
   double standard_error = 0.0;       ///< of the relative difference
   double degrees_of_freedom = 0.0;   ///< Welch-Satterthwaite
   double discretisation = 0.0;       ///< bound on the candidate's own relative error
   /// Half-width of the one-sided interval at the stated confidence, Student's t; discretisation not included.
   double half_width = 0.0;
   /// The same from the empirical Bernstein inequality (Maurer and Pontil 2009), which trusts no rare-event-free sample
-  /// variance; empty where the largest sample is unknown or the region is a band.
+  /// variance; empty where the largest sample is unknown or the region is a band. It must fit into the margin too
+  /// where the region is the whole picture.
   std::optional<double> bernstein_half_width{};
   Verdict verdict = Verdict::kUndecided;
   double p_difference = 1.0;         ///< of a difference beyond the discretisation error
@@ -77,6 +85,7 @@ struct Agreement {
   Verdict verdict = Verdict::kUndecided;  ///< agrees: every region does; disagrees: at least one does
   bool difference_detected = false;
   double samples_factor = 1.0;  ///< largest finite one of the regions
+  bool decidable = true;        ///< more samples can still decide every undecided region
 };
 
 /// @throws InvalidInput if sizes or bands of candidate and reference differ, naming both
