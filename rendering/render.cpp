@@ -91,8 +91,8 @@ void validate(const RenderParams& params) {
     throw InvalidParams(
         fmt::format("samples_per_side is {}, expected a whole number in [1, 64].", params.samples_per_side));
   }
-  if (!(params.gather_tolerance >= 1e-6 && params.gather_tolerance <= 1.0)) {
-    throw InvalidParams(fmt::format("gather_tolerance is {}, expected a value in [1e-6, 1].", params.gather_tolerance));
+  if (!(params.gather_tolerance >= 1e-9 && params.gather_tolerance <= 1.0)) {
+    throw InvalidParams(fmt::format("gather_tolerance is {}, expected a value in [1e-9, 1].", params.gather_tolerance));
   }
 }
 
