@@ -77,6 +77,7 @@ int cross_check(Options options, const Session& session) {
   const report::Json document = verification::report_document(check, options.check, from);
   files::write_text_atomically(options.out / "report.html", report::html_page(document));
   files::write_text_atomically(options.out / "report.json", document.dump(1) + "\n");
+  session.clear_progress();
   fmt::print("{}: {}\n{}\n", cross_check::name(check.verdict), verification::verdict_sentence(check, options.check),
              (options.out / "report.html").string());
   switch (check.verdict) {

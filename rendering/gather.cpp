@@ -26,6 +26,9 @@ constexpr double kSplitShare = 0.1;
 constexpr double kQuadratureShare = 0.005;
 // What is left out altogether.
 constexpr double kNegligibleShare = 1e-3;
+// A point this near to an element's plane, in radii of the element, lies in it: rounding alone says on which side, and
+// for the black back of the point's own plane the contour would be seen from its middle.
+constexpr double kInPlane = 1e-9;
 constexpr int kMaxSplits = 12;
 
 /// A convex piece of an element; clipping at the horizon adds a corner.
@@ -261,7 +264,7 @@ double Gatherer::Impl::form_factor(const SurfacePoint& point, int element) const
   const auto e = static_cast<std::size_t>(element);
   const Vector3d to = position[e] - point.position;
   const double in_front = -normal[e].dot(to);
-  if (!(in_front > 0.0)) return 0.0;
+  if (!(in_front > kInPlane * radius[e])) return 0.0;
   const double height = point.normal.dot(to);
   if (height <= -radius[e]) return 0.0;
   const double square = to.squaredNorm();
@@ -415,7 +418,7 @@ void Gatherer::irradiance(const SurfacePoint& point, double* out) const {
     if (!(impl.strength[e] > 0.0) || impl.face[e] == point.face) return;
     const Vector3d to = impl.position[e] - point.position;
     const double height = point.normal.dot(to);
-    if (!(impl.normal[e].dot(to) < 0.0) || height <= -impl.radius[e]) return;
+    if (!(-impl.normal[e].dot(to) > kInPlane * impl.radius[e]) || height <= -impl.radius[e]) return;
     if (height > impl.radius[e]) {
       const double share = impl.form_factor(point, element) * impl.strength[e] / impl.tolerance;
       if (share < kNegligibleShare) return;

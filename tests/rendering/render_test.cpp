@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
 
@@ -271,6 +272,30 @@ TEST(Render, RefusesParamsOutOfRange) {
     FAIL() << "accepted";
   } catch (const InvalidParams& error) {
     EXPECT_THAT(error.what(), testing::AllOf(testing::HasSubstr("gather_tolerance"), testing::HasSubstr("2")));
+  }
+}
+
+// Every point of an open plane sees the whole sky, whatever its neighbours in the same plane: radiance ρ L. The plane
+// is oblique, so that the backs of its faces lie in front of it by rounding.
+TEST(Render, ObliqueSheetUnderASkySeesNothingOfItsOwnBack) {
+  scene::Scene scene = empty_scene();
+  const Vector3d u = Vector3d(0.83, 0.11, 0.31).normalized();
+  const Vector3d v = Vector3d(-0.17, 0.71, 0.29).cross(u).cross(u).normalized() * (-1.0);
+  const Vector3d u40 = 40.0 * u, v40 = 40.0 * v;
+  mesh::PatchMesh sheet = mesh::subdivide(test::quad(-u40 - v40, u40 - v40, u40 + v40, -u40 + v40), 9.0);
+  if (mesh::vector_area(sheet, sheet.faces[0]).z() < 0.0) {
+    for (mesh::Face& face : sheet.faces) std::swap(face[1], face[3]);
+  }
+  scene.objects = {object(sheet)};
+  scene.sky = scene::SkyLight{"sky", Vector3d(1.0, 2.0, 3.0)};
+  const radiosity::Elements elements = radiosity::make_elements(scene);
+  const RenderedImages images = render(scene, elements, direct_only(elements), {});
+  for (int row = 0; row < scene.camera.height; ++row) {
+    for (int column = 0; column < scene.camera.width; ++column) {
+      for (int band = 0; band < 3; ++band) {
+        ASSERT_NEAR(images.re.pixel(row, column)[band], 0.8 * (band + 1), 1e-6) << row << " " << column << " " << band;
+      }
+    }
   }
 }
 
