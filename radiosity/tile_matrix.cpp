@@ -5,7 +5,9 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
+#include <utility>
 
 namespace interglow::radiosity {
 namespace {
@@ -135,6 +137,54 @@ double TileMatrix::at(Eigen::Index i, Eigen::Index j) const {
   const int c = pj - cluster_first_[static_cast<std::size_t>(cj)];
   const double* value = tiles_[static_cast<std::size_t>(found->tile)].value;
   return found->transposed ? value[c * cluster_size(ci) + r] : value[r * cluster_size(cj) + c];
+}
+
+void TileMatrix::row(Eigen::Index i, std::vector<int>& columns, std::vector<double>& values) const {
+  const int position = position_[static_cast<std::size_t>(i)];
+  const auto c = static_cast<std::size_t>(cluster_of_position_[static_cast<std::size_t>(position)]);
+  const int r = position - cluster_first_[c];
+  const int rows = cluster_size(static_cast<int>(c));
+  std::vector<std::pair<int, double>> found;
+  for (std::int64_t l = link_first_[c]; l < link_first_[c + 1]; ++l) {
+    const Link& link = links_[static_cast<std::size_t>(l)];
+    const double* value = tiles_[static_cast<std::size_t>(link.tile)].value;
+    const int inner = cluster_size(link.other);
+    for (int k = 0; k < inner; ++k) {
+      const double v = link.transposed ? value[k * rows + r] : value[r * inner + k];
+      if (v != 0.0)
+        found.emplace_back(order_[static_cast<std::size_t>(cluster_first_[static_cast<std::size_t>(link.other)] + k)],
+                           v);
+    }
+  }
+  std::sort(found.begin(), found.end());
+  columns.clear();
+  values.clear();
+  for (const auto& [column, value] : found) {
+    columns.push_back(column);
+    values.push_back(value);
+  }
+}
+
+double TileMatrix::scale_symmetrically(const Eigen::VectorXd& x, const Eigen::VectorXd& weight) {
+  double largest = 0.0;
+  for (Chunk& chunk : chunks_) {
+    for (std::size_t t = 0; t < chunk.tiles.size(); ++t) {
+      const Tile& tile = chunk.tiles[t];
+      const int columns = cluster_size(tile.column);
+      for (int r = 0; r < cluster_size(tile.row); ++r) {
+        const int i = order_[static_cast<std::size_t>(cluster_first_[static_cast<std::size_t>(tile.row)] + r)];
+        for (int c = 0; c < columns; ++c) {
+          const int j = order_[static_cast<std::size_t>(cluster_first_[static_cast<std::size_t>(tile.column)] + c)];
+          double& value = chunk.values[t][static_cast<std::size_t>(r * columns + c)];
+          // The lower index first, so that both halves of a diagonal tile round alike.
+          const double change = value * (x[std::min(i, j)] + x[std::max(i, j)]);
+          largest = std::max(largest, std::abs(change) / std::min(weight[i], weight[j]));
+          value += change;
+        }
+      }
+    }
+  }
+  return largest;
 }
 
 std::int64_t TileMatrix::nonzeros() const {

@@ -38,6 +38,12 @@ class TileMatrix {
 
   double at(Eigen::Index i, Eigen::Index j) const;
 
+  /// Values of row i that are not 0, in increasing order of the columns.
+  void row(Eigen::Index i, std::vector<int>& columns, std::vector<double>& values) const;
+
+  /// G_ij *= 1 + x_i + x_j. Returns the largest |change| of G_ij over the smaller of weight_i and weight_j.
+  double scale_symmetrically(const Eigen::VectorXd& x, const Eigen::VectorXd& weight);
+
   std::int64_t nonzeros() const;  ///< pairs i < j with G_ij > 0
   std::size_t bytes() const;
 

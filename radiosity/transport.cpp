@@ -34,6 +34,55 @@ void Transport::Impl::finish_report() {
   report.closure_rms = std::sqrt((sums - 1.0).square().mean());
 }
 
+namespace {
+
+/// Least squares of the relative changes, weighted by the exchange: G_ij (1 + x_i + x_j) with row sums A_i, that is
+/// (diag(Σ_j G_ij) + G) x = A - Σ_j G_ij, solved by conjugate gradients.
+double smooth(TileMatrix& exchange, const Eigen::VectorXd& area, const std::vector<int>& material) {
+  const Eigen::Index n = area.size();
+  const Eigen::VectorXd sums = exchange.multiply(RowMatrix::Ones(n, 1)).col(0);
+  Eigen::VectorXd residual = area - sums;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const bool black = material[static_cast<std::size_t>(i)] < 0;  // their exchange with one another was not computed
+    if (black) residual[i] = 0.0;
+    // Half: nothing that assembly gets wrong is as much; an opening is.
+    if (!black && std::abs(residual[i]) > 0.5 * area[i]) {
+      throw InvalidParams(
+          fmt::format("TransportParams::smooth_closure: the form factors of element {} sum to {}; expected about 1: "
+                      "only a closed scene can be smoothed.",
+                      i, sums[i] / area[i]));
+    }
+  }
+  const auto product = [&](const Eigen::VectorXd& x) {
+    Eigen::VectorXd y = sums.cwiseProduct(x) + Eigen::VectorXd(exchange.multiply(x).col(0));
+    for (Eigen::Index i = 0; i < n; ++i) {
+      if (material[static_cast<std::size_t>(i)] < 0) y[i] = 0.0;
+    }
+    return y;
+  };
+  const auto precondition = [&](const Eigen::VectorXd& r) {
+    return Eigen::VectorXd((sums.array() > 0.0).select(r.array() / sums.array(), 0.0));
+  };
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(n);
+  Eigen::VectorXd direction = precondition(residual);
+  double energy = residual.dot(direction);
+  const double start = energy;
+  constexpr int kMostIterations = 200;
+  for (int iteration = 0; iteration < kMostIterations && energy > 1e-28 * start && energy > 0.0; ++iteration) {
+    const Eigen::VectorXd image = product(direction);
+    const double step = energy / direction.dot(image);
+    x += step * direction;
+    residual -= step * image;
+    const Eigen::VectorXd next = precondition(residual);
+    const double next_energy = residual.dot(next);
+    direction = next + (next_energy / energy) * direction;
+    energy = next_energy;
+  }
+  return exchange.scale_symmetrically(x, area);
+}
+
+}  // namespace
+
 void validate(const TransportParams& params) {
   if (!(params.tolerance >= 1e-12 && params.tolerance <= 0.1)) {
     throw InvalidParams(
@@ -54,6 +103,8 @@ Transport Transport::build(const Elements& elements, const TransportParams& para
   impl->exchange = std::move(assembly.exchange);
   impl->report = assembly.report;
   if (elements.size() > 0) impl->report.error_estimate_max = assembly.error_estimate.maxCoeff();
+  if (params.smooth_closure)
+    impl->report.smoothing_change_max = smooth(impl->exchange, elements.area_mm2, elements.material);
   impl->finish_report();
   return Transport(std::move(impl));
 }
@@ -111,6 +162,11 @@ Eigen::VectorXd Transport::row_sums() const { return impl_->row_sums(); }
 
 double Transport::form_factor(Eigen::Index i, Eigen::Index j) const {
   return impl_->exchange.at(i, j) / impl_->area_mm2[i];
+}
+
+void Transport::row(Eigen::Index i, std::vector<int>& columns, std::vector<double>& factors) const {
+  impl_->exchange.row(i, columns, factors);
+  for (double& factor : factors) factor /= impl_->area_mm2[i];
 }
 
 const TransportReport& Transport::report() const { return impl_->report; }

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "diagnostics/progress.h"
 #include "radiosity/elements.h"
@@ -42,7 +43,7 @@ struct TransportReport {
   double closure_max = 0.0;  ///< max_i |Σ_j F_ij - 1|; meaningful for closed scenes only
   double closure_rms = 0.0;
   double error_estimate_max = 0.0;    ///< largest row error estimate
-  double smoothing_change_max = 0.0;  ///< largest change of an entry by closure smoothing, relative to the row sum
+  double smoothing_change_max = 0.0;  ///< largest change of a form factor by closure smoothing
   double seconds_search = 0.0;        ///< culling and blocker search
   double seconds_factors = 0.0;
   std::size_t bytes = 0;
@@ -71,6 +72,9 @@ class Transport {
 
   /// F_ij; 0 if nothing is stored.
   double form_factor(Eigen::Index i, Eigen::Index j) const;
+
+  /// The factors of row i that are not 0, in increasing order of the columns. Cost O(those).
+  void row(Eigen::Index i, std::vector<int>& columns, std::vector<double>& factors) const;
 
   const TransportReport& report() const;
 

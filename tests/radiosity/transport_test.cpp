@@ -95,7 +95,8 @@ TEST(Transport, DoesNotDependOnTheUnitOfLength) {
       for (Eigen::Vector3d& p : each.patches.points) p *= scale;
     }
     const Eigen::MatrixXd found = dense(Transport::build(make_elements(scaled), {.tolerance = 1e-4}));
-    // Powers of ten round the corners, so a cell may be cut once more or less: both are within the tolerance of an entry.
+    // Powers of ten round the corners, so a cell may be cut once more or less: both are within the tolerance of an
+    // entry.
     EXPECT_LT((found - expected).cwiseAbs().maxCoeff(), 2.0 * 1e-4 / std::sqrt(66.0)) << scale;
   }
 }
@@ -119,6 +120,32 @@ TEST(Transport, BothSidesOfASheetTakePart) {
   EXPECT_NEAR(transport.form_factor(2, 1), 0.19982489569838737, 1e-9);
   EXPECT_EQ(transport.form_factor(0, 2), 0.0);
   EXPECT_EQ(transport.form_factor(0, 1), 0.0);
+}
+
+TEST(Transport, SmoothingClosesTheRowsKeepsReciprocityAndSaysWhatItChanged) {
+  const Elements elements = make_elements(box_with_two_cubes(3, 1));
+  const Transport raw = Transport::build(elements, {.tolerance = 1e-2});
+  const Transport smooth = Transport::build(elements, {.tolerance = 1e-2, .smooth_closure = true});
+  ASSERT_GT(raw.report().closure_max, 1e-6);
+  EXPECT_LT(smooth.report().closure_max, 1e-12);
+  EXPECT_EQ(raw.report().smoothing_change_max, 0.0);
+  const Eigen::MatrixXd f = dense(smooth);
+  const Eigen::MatrixXd exchange = elements.area_mm2.asDiagonal() * f;
+  EXPECT_LT((exchange - exchange.transpose()).cwiseAbs().maxCoeff(), 1e-12 * exchange.maxCoeff());
+  EXPECT_GE(f.minCoeff(), 0.0);
+  EXPECT_NEAR((f - dense(raw)).cwiseAbs().maxCoeff(), smooth.report().smoothing_change_max, 1e-15);
+}
+
+TEST(Transport, AnOpenSceneIsNotSmoothed) {
+  scene::Scene scene = closed_cube(1);
+  scene.objects[0].patches.faces.resize(2);
+  scene.objects[0].patches.closed = false;
+  try {
+    Transport::build(make_elements(scene), {.smooth_closure = true});
+    FAIL();
+  } catch (const InvalidParams& error) {
+    EXPECT_NE(std::string(error.what()).find("smooth_closure"), std::string::npos) << error.what();
+  }
 }
 
 TEST(Transport, RefusesAToleranceOutOfRange) {

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+/// Matrices of form factors as files.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "diagnostics/progress.h"
+#include "radiosity/transport.h"
+
+namespace interglow::radiosity {
+
+/// Writes F, rows and columns in the order of the elements, doubles in full precision.
+///
+/// `.mtx`: Matrix Market, coordinate real general, indices from 1; `comment` goes to its head, one line a `%` line.
+/// `.npz`: compressed rows as scipy.sparse.load_npz reads them (data, indices, indptr, shape, format), and `area_mm2`
+/// besides. The file is whole or not there.
+/// @throws InvalidParams if the ending is neither, or an .npz would pass 4 GiB; InvalidInput if it cannot be written
+/// Cost O(stored pairs); memory for .npz about 24 bytes a stored pair.
+void write_form_factors(const Transport& transport, const std::filesystem::path& path, const std::string& comment = {},
+                        const Progress& progress = {});
+
+}  // namespace interglow::radiosity
