@@ -62,7 +62,8 @@ int cross_check(Options options, const Session& session) {
   options.check.radiosity = {
       .transport = {.tolerance = solve.form_factor_tolerance,
                     .occlusion = solve.occlusion,
-                    .smooth_closure = solve.smooth_closure},
+                    .smooth_closure = solve.smooth_closure,
+                    .black_sides = built.scene.sky.has_value()},
       .solve = {.bounces = solve.bounces, .tolerance = solve.tolerance, .max_iterations = solve.max_iterations},
       .render = {.samples_per_side = std::max(kSamplesPerSide, description.render.samples_per_side),
                  .gather_tolerance = description.render.gather_tolerance}};

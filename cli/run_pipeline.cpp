@@ -36,8 +36,10 @@ RunOutcome run_scene(const scene::SceneDescription& description, const Progress&
   const radiosity::Elements& elements = outcome.elements;
 
   const scene::SolveDescription& solve = description.solve;
-  const radiosity::TransportParams transport_params{
-      .tolerance = solve.form_factor_tolerance, .occlusion = solve.occlusion, .smooth_closure = solve.smooth_closure};
+  const radiosity::TransportParams transport_params{.tolerance = solve.form_factor_tolerance,
+                                                    .occlusion = solve.occlusion,
+                                                    .smooth_closure = solve.smooth_closure,
+                                                    .black_sides = scene.sky.has_value()};
   const auto transport =
       times.measure("form_factors", [&] { return radiosity::Transport::build(elements, transport_params, progress); });
   outcome.transport = transport.report();

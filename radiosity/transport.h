@@ -26,6 +26,9 @@ struct TransportParams {
   /// Least-squares correction of the factors of a closed scene towards row sums of 1, keeping reciprocity. Off: raw
   /// values.
   bool smooth_closure = false;
+  /// Whether black sides (backs of one-sided sheets) take part. They matter for row sums alone, and so for how much of
+  /// the sky is seen; without a sky, light that ends on them may as well count as escaped, which saves their pairs.
+  bool black_sides = true;
 };
 
 void validate(const TransportParams& params);
@@ -37,7 +40,7 @@ struct TransportReport {
   std::int64_t facing_pairs = 0;  ///< pairs that face one another at least in part
   std::int64_t stored_pairs = 0;  ///< pairs with a factor above 0
   std::int64_t partially_visible_pairs = 0;
-  std::int64_t blocked_pairs = 0;     ///< provably hidden, alone or with their clusters
+  std::int64_t blocked_pairs = 0;                 ///< provably hidden, alone or with their clusters
   std::array<std::int64_t, 8> pairs_by_method{};  ///< indexed by FormFactorMethod
   double max_row_sum = 0.0;
   double closure_max = 0.0;  ///< max_i |Σ_j F_ij - 1|; meaningful for closed scenes only

@@ -18,6 +18,7 @@
 #include "radiosity/element_tree.h"
 #include "radiosity/form_factor.h"
 #include "radiosity/form_factor_batch.h"
+#include "radiosity/risen_blockers.h"
 #include "radiosity/shadow_cells.h"
 #include "radiosity/visibility.h"
 
@@ -36,19 +37,24 @@ constexpr std::size_t kTasks = 1024;
 /// More polygons than this in the way of one pair are sampled by rays: clipping would cost more than the tolerance is
 /// worth.
 constexpr std::size_t kMostClipped = 12;
+/// More obstacles than this between two tiles: sorting out who blocks whom would cost more than sampling every pair.
+constexpr std::size_t kMostSorted = 48;
+/// Share of the tolerance of one form factor below which visibility is not looked for: thousands of such pairs in a row
+/// together stay within the row's tolerance.
+constexpr double kTooFaint = 0.02;
 
 struct Problem {
   const Elements& elements;
   const TransportParams& params;
   ElementTree tree;
   Blockers blockers;
-  std::vector<int> tile_of_node;              ///< number of the tile cluster a node is, -1 if it is none
-  std::vector<std::uint64_t> hidden_objects;  ///< by node: bit o: nothing of object o rises above any member's plane
-  std::vector<char> black;                    ///< by node: all members are black
-  std::vector<double> rise;      ///< by node: what rises less above the members' planes counts as below them [mm]
-  double entry_tolerance = 0.0;  ///< of one form factor
+  std::vector<int> tile_of_node;  ///< number of the tile cluster a node is, -1 if it is none
+  std::vector<int> first;         ///< position of the first element of each tile, and the end
+  std::vector<char> black;        ///< by node: all members are black
+  double entry_tolerance = 0.0;   ///< of one form factor
   std::optional<FormFactorBatch> kernel;
   std::optional<Visibility> visibility;
+  std::optional<RisenBlockers> risen;
 };
 
 struct NodePair {
@@ -124,17 +130,22 @@ class Descent {
     int row;
     int column;
     int first_candidate;
-    int candidates;
+    int candidates;  ///< kSampled: too many to list
   };
+  static constexpr int kSampled = -1;
 
   const Cluster& cluster(int node) const { return problem_.tree.cluster(node); }
   double flat() const { return problem_.tree.flat(); }
   bool is_tile(int node) const { return problem_.tile_of_node[static_cast<std::size_t>(node)] >= 0; }
   int element(int position) const { return problem_.tree.order()[static_cast<std::size_t>(position)]; }
 
+  /// Two black sides exchange nothing that anybody asks for, nor does one where black sides do not take part.
+  bool idle(bool black_a, bool black_b) const {
+    return problem_.params.black_sides ? black_a && black_b : black_a || black_b;
+  }
+
   bool may_exchange(int a, int b) const {
-    // Two black sides exchange nothing that anybody asks for.
-    if (problem_.black[static_cast<std::size_t>(a)] != 0 && problem_.black[static_cast<std::size_t>(b)] != 0)
+    if (idle(problem_.black[static_cast<std::size_t>(a)] != 0, problem_.black[static_cast<std::size_t>(b)] != 0))
       return false;
     return may_face(cluster(a), cluster(b).box) && may_face(cluster(b), cluster(a).box);
   }
@@ -171,8 +182,14 @@ class Descent {
     shadowed_.clear();
     candidate_pool_.clear();
     any_ = false;
-    pairs(a, b, candidates);
+    mark_all(a, b);
     if (!any_) return;
+    exchange(!candidates.empty());
+    if (candidates.size() > kMostSorted) {
+      sample_all(a, b);
+    } else if (!candidates.empty()) {
+      pairs(a, b, candidates);
+    }
     values_.assign(static_cast<std::size_t>(rows_ * columns_), 0.0);
     squared_error_a_.assign(static_cast<std::size_t>(rows_), 0.0);
     squared_error_b_.assign(static_cast<std::size_t>(columns_), 0.0);
@@ -198,7 +215,38 @@ class Descent {
                            problem_.tile_of_node[static_cast<std::size_t>(b)], chunk.values.back().data()});
   }
 
-  /// Marks the pairs of a tile that face one another and lists those that blockers may reach.
+  /// Marks the pairs of a tile that face one another.
+  void mark_all(int a, int b) {
+    const Cluster& ca = cluster(a);
+    const Cluster& cb = cluster(b);
+    for (int p = ca.first; p < ca.first + ca.count; ++p) {
+      for (int q = a == b ? p + 1 : cb.first; q < cb.first + cb.count; ++q) mark(p, q);
+    }
+  }
+
+  std::size_t at(int p, int q) const {
+    return static_cast<std::size_t>((p - row_first_) * columns_ + q - column_first_);
+  }
+
+  /// Lists the pairs that matter; rays will say what of them is hidden.
+  void sample_all(int a, int b) {
+    for (int p = cluster(a).first; p < cluster(a).first + cluster(a).count; ++p) {
+      for (int q = cluster(b).first; q < cluster(b).first + cluster(b).count; ++q) {
+        if (facing_[at(p, q)] == kMatters) shadowed_.push_back({p - row_first_, q - column_first_, 0, kSampled});
+      }
+    }
+  }
+
+  bool any_matters(int a, int b) const {
+    for (int p = cluster(a).first; p < cluster(a).first + cluster(a).count; ++p) {
+      for (int q = cluster(b).first; q < cluster(b).first + cluster(b).count; ++q) {
+        if (facing_[at(p, q)] == kMatters) return true;
+      }
+    }
+    return false;
+  }
+
+  /// Lists the pairs between two nodes that blockers may reach.
   void pairs(int a, int b, const Candidates& candidates) {
     const Cluster& ca = cluster(a);
     const Cluster& cb = cluster(b);
@@ -209,17 +257,14 @@ class Descent {
       pairs(ca.right, ca.right, candidates);
       return;
     }
-    if (!may_exchange(a, b)) return;
-    if (candidates.empty()) {
-      for (int p = ca.first; p < ca.first + ca.count; ++p) {
-        for (int q = cb.first; q < cb.first + cb.count; ++q) mark(p, q);
-      }
+    if (!any_matters(a, b)) return;
+    Candidates left;
+    if (!thin_out(a, b, candidates, left)) {
+      block(a, b);
       return;
     }
-    Candidates left;
-    if (!thin_out(a, b, candidates, left)) return;
+    if (left.empty()) return;
     if (ca.count == 1 && cb.count == 1) {
-      if (!mark(ca.first, cb.first) || left.empty()) return;
       shadowed_.push_back({ca.first - row_first_, cb.first - column_first_, static_cast<int>(candidate_pool_.size()),
                            static_cast<int>(left.size())});
       candidate_pool_.insert(candidate_pool_.end(), left.begin(), left.end());
@@ -233,6 +278,14 @@ class Descent {
     }
   }
 
+  void block(int a, int b) {
+    for (int p = cluster(a).first; p < cluster(a).first + cluster(a).count; ++p) {
+      for (int q = cluster(b).first; q < cluster(b).first + cluster(b).count; ++q) {
+        if (facing_[at(p, q)] == kMatters) results_[at(p, q)] = {0.0, 0.0, FormFactorMethod::kBlocked};
+      }
+    }
+  }
+
   bool in_front_of(int i, const Polygon& other) const {
     return in_front(problem_.elements.normal.row(i).transpose(), problem_.tree.polygon(i).corner[0], other);
   }
@@ -240,18 +293,19 @@ class Descent {
   bool mark(int p, int q) {
     const int i = element(p);
     const int j = element(q);
-    if (problem_.elements.material[static_cast<std::size_t>(i)] < 0 &&
-        problem_.elements.material[static_cast<std::size_t>(j)] < 0)
+    if (idle(problem_.elements.material[static_cast<std::size_t>(i)] < 0,
+             problem_.elements.material[static_cast<std::size_t>(j)] < 0))
       return false;
     if (!in_front_of(i, problem_.tree.polygon(j)) || !in_front_of(j, problem_.tree.polygon(i))) return false;
     ++counts.facing_pairs;
     any_ = true;
-    facing_[static_cast<std::size_t>((p - row_first_) * columns_ + q - column_first_)] = 1;
+    facing_[at(p, q)] = kMatters;
     return true;
   }
 
-  /// Exchange areas of the marked pairs of a tile, row by row; then what blockers leave of them.
-  void fill() {
+  /// Exchange areas of the marked pairs of a tile as if nothing stood between them, row by row. Where something may, a
+  /// pair too faint for the tolerance gets half of its value: looking for what hides it is not worth it.
+  void exchange(bool obstacles) {
     results_.resize(static_cast<std::size_t>(rows_ * columns_));
     for (int r = 0; r < rows_; ++r) {
       others_.clear();
@@ -276,6 +330,24 @@ class Descent {
         results_[static_cast<std::size_t>(r * columns_ + columns_of_others_[k])] = row_results_[k];
       }
     }
+    if (!obstacles) return;
+    for (int r = 0; r < rows_; ++r) {
+      for (int c = 0; c < columns_; ++c) {
+        const auto k = static_cast<std::size_t>(r * columns_ + c);
+        FormFactor& whole = results_[k];
+        const double smaller = std::min(problem_.elements.area_mm2[element(row_first_ + r)],
+                                        problem_.elements.area_mm2[element(column_first_ + c)]);
+        if (facing_[k] == 0 || whole.value > kTooFaint * problem_.entry_tolerance * smaller) continue;
+        // Between nothing and all of it is seen.
+        facing_[k] = kFaint;
+        whole.value *= 0.5;
+        whole.error_estimate += whole.value;
+      }
+    }
+  }
+
+  /// What blockers leave of the exchange areas, and their errors.
+  void fill() {
     for (const Shadowed& pair : shadowed_) {
       FormFactor& exchange = results_[static_cast<std::size_t>(pair.row * columns_ + pair.column)];
       if (exchange.value > 0.0) shadow(pair, exchange);
@@ -309,7 +381,7 @@ class Descent {
     const double tolerance = 0.5 * problem_.entry_tolerance *
                              std::min(problem_.elements.area_mm2[outer], problem_.elements.area_mm2[source]);
     ShadowResult result;
-    if (bodies_.size() > kMostClipped) {
+    if (pair.candidates == kSampled || bodies_.size() > kMostClipped) {
       result = sample(outer, source, exchange.value, tolerance);
     } else {
       if (better_outer(source, outer)) std::swap(outer, source);
@@ -356,15 +428,22 @@ class Descent {
     }
   }
 
-  /// Whether some vertex of the body rises above some member's plane.
-  bool may_rise_above(int node, const ConvexBody& body) const {
+  /// Whether the body rises above some member's plane so far that it matters.
+  bool may_rise_above(int node, int k) const {
     const Cluster& c = cluster(node);
-    if (c.sin_spread == 0.0) {
-      return std::any_of(body.vertex.begin(), body.vertex.end(), [&](const Vector3d& v) {
-        return c.axis.dot(v) - c.lowest > problem_.rise[static_cast<std::size_t>(node)];
-      });
-    }
-    return may_face(c, body.box);
+    const ConvexBody& body = problem_.blockers.body[static_cast<std::size_t>(k)];
+    if (c.count == 1) return problem_.risen->above_element(element(c.first), body);
+    if (!may_face(c, body.box)) return false;
+    if (c.sin_spread == 0.0 && std::none_of(body.vertex.begin(), body.vertex.end(),
+                                            [&](const Vector3d& v) { return c.axis.dot(v) - c.lowest > flat(); }))
+      return false;
+    return c.count > kTileSize || problem_.risen->above_tile(tile_at(c.first), k);
+  }
+
+  /// The tile that holds a position of the tree's order.
+  int tile_at(int position) const {
+    const auto above = std::upper_bound(problem_.first.begin(), problem_.first.end(), position);
+    return static_cast<int>(above - problem_.first.begin()) - 1;
   }
 
   /// Keeps the candidates that may cut a line between a member of `a` and one of `b`; false if one of them cuts all
@@ -375,11 +454,8 @@ class Descent {
     add_to_shaft(a, shaft);
     shaft.a_corners = shaft.corners;
     add_to_shaft(b, shaft);
-    const std::uint64_t hidden =
-        problem_.hidden_objects[static_cast<std::size_t>(a)] | problem_.hidden_objects[static_cast<std::size_t>(b)];
     for (const int k : candidates) {
       const ConvexBody& body = problem_.blockers.body[static_cast<std::size_t>(k)];
-      if (body.object < 64 && ((hidden >> body.object) & 1U) != 0) continue;
       if ((body.box.low.array() > shaft.hull.high.array() + flat()).any() ||
           (body.box.high.array() < shaft.hull.low.array() - flat()).any())
         continue;
@@ -397,7 +473,7 @@ class Descent {
           break;
         }
       }
-      if (beside || !may_rise_above(a, body) || !may_rise_above(b, body)) continue;
+      if (beside || !may_rise_above(a, k) || !may_rise_above(b, k)) continue;
       if (separated(shaft.corner.data(), shaft.corners, body.vertex.data(), static_cast<int>(body.vertex.size()),
                     flat()))
         continue;
@@ -413,6 +489,7 @@ class Descent {
   const Problem& problem_;
   ShadowCells cells_;
   std::vector<const ConvexBody*> bodies_;
+  enum Facing : char { kAway = 0, kMatters = 1, kFaint = 2 };
   std::vector<char> facing_;
   std::vector<Shadowed> shadowed_;
   std::vector<int> candidate_pool_;
@@ -433,7 +510,7 @@ class Descent {
 ShadowResult Descent::sample(int i, int j, double exchange, double tolerance) {
   constexpr std::array<double, 4> kStep = {0.8566748838545029, 0.733891856627126, 0.6287067210378087,
                                            0.5385972572236101};
-  constexpr int kFewest = 64;
+  constexpr int kFewest = 16;
   constexpr int kMost = 1024;
   const auto at = [](const Polygon& polygon, double u, double v, double& weight) -> Vector3d {
     const auto& [a, b, c, d] = polygon.corner;
@@ -514,53 +591,22 @@ std::vector<int> mark_tiles(const ElementTree& tree, int node, std::vector<int>&
   return first;
 }
 
-/// For every element, which objects stay below its plane; for every node, what holds for all of its members.
-void mark_nodes(Problem& problem) {
-  const Elements& elements = problem.elements;
-  const auto n = static_cast<std::size_t>(elements.size());
-  const int objects = elements.faces.object.empty() ? 0 : std::min(64, elements.faces.object.back() + 1);
-  std::vector<std::vector<Vector3d>> points(static_cast<std::size_t>(objects));
-  for (const ConvexBody& body : problem.blockers.body) {
-    if (body.object >= objects) continue;
-    auto& all = points[static_cast<std::size_t>(body.object)];
-    all.insert(all.end(), body.vertex.begin(), body.vertex.end());
-  }
-  std::vector<std::uint64_t> hidden(n, 0);
-  std::vector<double> rise(n, 0.0);
-  tbb::parallel_for(std::size_t{0}, n, [&](std::size_t e) {
-    const Vector3d normal = elements.normal.row(static_cast<Eigen::Index>(e)).transpose();
-    // Lines that leave at an angle of θ with the surface carry a share of θ² of the flux: rounded coordinates of a
-    // convex object may rise this far without hiding anything that the tolerance would notice.
-    rise[e] = std::max(problem.tree.flat(), std::sqrt(elements.area_mm2[static_cast<Eigen::Index>(e)]) *
-                                                std::min(1e-5, 0.1 * std::sqrt(problem.entry_tolerance)));
-    const double highest = normal.dot(problem.tree.polygon(static_cast<int>(e)).corner[0]) + rise[e];
-    for (int o = 0; o < objects; ++o) {
-      const auto& all = points[static_cast<std::size_t>(o)];
-      if (std::all_of(all.begin(), all.end(), [&](const Vector3d& p) { return normal.dot(p) <= highest; }))
-        hidden[e] |= std::uint64_t{1} << o;
-    }
-  });
-  const int nodes = problem.tree.size();
-  problem.hidden_objects.assign(static_cast<std::size_t>(nodes), ~std::uint64_t{0});
-  problem.black.assign(static_cast<std::size_t>(nodes), 1);
-  problem.rise.assign(static_cast<std::size_t>(nodes), std::numeric_limits<double>::infinity());
+/// Nodes whose members are all black.
+std::vector<char> black_nodes(const Problem& problem) {
+  std::vector<char> black(static_cast<std::size_t>(problem.tree.size()), 1);
   // Children come after their parents.
-  for (int node = nodes - 1; node >= 0; --node) {
+  for (int node = problem.tree.size() - 1; node >= 0; --node) {
     const Cluster& cluster = problem.tree.cluster(node);
-    const auto at = static_cast<std::size_t>(node);
+    char& all = black[static_cast<std::size_t>(node)];
     if (cluster.count == 1) {
-      const auto e = static_cast<std::size_t>(problem.tree.order()[static_cast<std::size_t>(cluster.first)]);
-      problem.hidden_objects[at] = hidden[e];
-      problem.rise[at] = rise[e];
-      problem.black[at] = elements.material[e] < 0 ? 1 : 0;
-      continue;
-    }
-    for (const int child : {cluster.left, cluster.right}) {
-      problem.rise[at] = std::min(problem.rise[at], problem.rise[static_cast<std::size_t>(child)]);
-      problem.hidden_objects[at] &= problem.hidden_objects[static_cast<std::size_t>(child)];
-      problem.black[at] = static_cast<char>(problem.black[at] & problem.black[static_cast<std::size_t>(child)]);
+      const int e = problem.tree.order()[static_cast<std::size_t>(cluster.first)];
+      all = problem.elements.material[static_cast<std::size_t>(e)] < 0 ? 1 : 0;
+    } else {
+      all = static_cast<char>(black[static_cast<std::size_t>(cluster.left)] &
+                              black[static_cast<std::size_t>(cluster.right)]);
     }
   }
+  return black;
 }
 
 /// Splits the pair of the root with itself into about kTasks pairs of clusters, in a fixed order.
@@ -607,20 +653,20 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
   assembly.error_estimate = Eigen::VectorXd::Zero(n);
   assembly.report.elements = n;
   assembly.report.pairs = n * (n - 1) / 2;
-  Problem problem{elements, params, ElementTree(elements), {}, {}, {}, {}, {}, 0.0, {}, {}};
+  Problem problem{elements, params, ElementTree(elements), {}, {}, {}, {}, 0.0, {}, {}, {}};
   problem.entry_tolerance = params.tolerance / std::sqrt(static_cast<double>(std::max<Eigen::Index>(n, 1)));
   if (n == 0) return assembly;
   problem.tile_of_node.assign(static_cast<std::size_t>(2 * n), -1);
-  std::vector<int> first;
-  mark_tiles(problem.tree, problem.tree.root(), problem.tile_of_node, first);
+  mark_tiles(problem.tree, problem.tree.root(), problem.tile_of_node, problem.first);
   if (params.occlusion) {
     problem.blockers = make_blockers(elements, problem.tree.flat());
     problem.visibility.emplace(elements.faces);
+    problem.risen.emplace(elements, problem.tree, problem.blockers, problem.first, params.tolerance);
   }
   std::vector<Polygon> polygons;
   for (int e = 0; e < static_cast<int>(n); ++e) polygons.push_back(problem.tree.polygon(e));
   problem.kernel.emplace(std::move(polygons));
-  mark_nodes(problem);
+  problem.black = black_nodes(problem);
   const std::vector<NodePair> tasks = make_tasks(problem);
   assembly.report.seconds_search = seconds_since(start);
   const auto factors_start = std::chrono::steady_clock::now();
@@ -646,7 +692,7 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
     for (const auto& [element, squared] : row_errors[t]) assembly.error_estimate[element] += squared;
   }
   assembly.error_estimate = assembly.error_estimate.cwiseSqrt();
-  assembly.exchange = TileMatrix(problem.tree.order(), std::move(first), std::move(chunks));
+  assembly.exchange = TileMatrix(problem.tree.order(), std::move(problem.first), std::move(chunks));
   assembly.report.seconds_factors = seconds_since(factors_start);
   return assembly;
 }

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "radiosity/risen_blockers.h"
+
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace interglow::radiosity {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Bodies larger than this many patch radii may pass the patch nearer than their vertices do.
+constexpr double kNeighbourSize = 6.0;
+
+double distance_to_segment(const Vector3d& p, const Vector3d& a, const Vector3d& b) {
+  const Vector3d edge = b - a;
+  const double length = edge.squaredNorm();
+  const double t = length > 0.0 ? std::clamp((p - a).dot(edge) / length, 0.0, 1.0) : 0.0;
+  return (p - a - t * edge).norm();
+}
+
+/// Distance of a point from a convex polygon.
+double distance(const Vector3d& p, const Polygon& polygon, const Vector3d& normal) {
+  double nearest = std::numeric_limits<double>::infinity();
+  bool over = true;
+  for (int k = 0; k < polygon.corners; ++k) {
+    const Vector3d& a = polygon.corner[static_cast<std::size_t>(k)];
+    const Vector3d& b = polygon.corner[static_cast<std::size_t>((k + 1) % polygon.corners)];
+    if (normal.dot((b - a).cross(p - a)) < 0.0) over = false;
+    nearest = std::min(nearest, distance_to_segment(p, a, b));
+  }
+  return over ? std::abs(normal.dot(p - polygon.corner[0])) : nearest;
+}
+
+}  // namespace
+
+RisenBlockers::RisenBlockers(const Elements& elements, const ElementTree& tree, const Blockers& blockers,
+                             const std::vector<int>& first, double row_tolerance)
+    : elements_(elements),
+      tree_(tree),
+      sine_(std::sqrt(0.25 * row_tolerance)),
+      words_((blockers.body.size() + 63) / 64),
+      bits_((first.empty() ? 0 : first.size() - 1) * words_, 0) {
+  if (first.size() < 2) return;
+  tbb::parallel_for(std::size_t{0}, first.size() - 1, [&](std::size_t tile) {
+    for (std::size_t b = 0; b < blockers.body.size(); ++b) {
+      for (int k = first[tile]; k < first[tile + 1]; ++k) {
+        if (!above_element(tree.order()[static_cast<std::size_t>(k)], blockers.body[b])) continue;
+        bits_[tile * words_ + b / 64] |= std::uint64_t{1} << (b % 64);
+        break;
+      }
+    }
+  });
+}
+
+bool RisenBlockers::above_element(int element, const ConvexBody& body) const {
+  const Polygon& polygon = tree_.polygon(element);
+  const Vector3d normal = elements_.normal.row(element).transpose();
+  const Vector3d& origin = polygon.corner[0];
+  const double flat = tree_.flat();
+  double highest = 0.0;
+  for (const Vector3d& vertex : body.vertex) highest = std::max(highest, normal.dot(vertex - origin));
+  if (highest <= flat) return false;
+  const Vector3d centre = elements_.centroid.row(element).transpose();
+  double radius = 0.0;
+  for (int k = 0; k < polygon.corners; ++k) {
+    radius = std::max(radius, (polygon.corner[static_cast<std::size_t>(k)] - centre).norm());
+  }
+  const double gap = (centre.cwiseMax(body.box.low).cwiseMin(body.box.high) - centre).norm() - radius;
+  if (gap > 0.0 && highest <= sine_ * gap) return false;
+  if (highest > radius || (body.box.high - body.box.low).norm() > kNeighbourSize * radius) return true;
+  for (const Vector3d& vertex : body.vertex) {
+    const double height = normal.dot(vertex - origin);
+    if (height > flat && height > sine_ * distance(vertex, polygon, normal)) return true;
+  }
+  return false;
+}
+
+}  // namespace interglow::radiosity
