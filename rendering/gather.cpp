@@ -30,6 +30,7 @@ constexpr double kNegligibleShare = 1e-3;
 // for the black back of the point's own plane the contour would be seen from its middle.
 constexpr double kInPlane = 1e-9;
 constexpr int kMaxSplits = 12;
+constexpr int kMaxSampleLevels = 4;
 
 /// A convex piece of an element; clipping at the horizon adds a corner.
 struct Piece {
@@ -392,26 +393,16 @@ void Gatherer::irradiance(const SurfacePoint& point, double* out) const {
     return candidate.piece >= 0 ? scratch.pieces[static_cast<std::size_t>(candidate.piece)]
                                 : impl.shape[static_cast<std::size_t>(candidate.element)];
   };
-  // Clipped at the horizon, and split while its share is large.
-  const auto add_pieces = [&](const Piece& whole) {
-    scratch.parts.assign(1, whole);
-    while (!scratch.parts.empty()) {
-      Piece piece = scratch.parts.back();
-      scratch.parts.pop_back();
-      if (!clip_at_horizon(point.position, point.normal, piece)) continue;
-      const double strength = impl.strength[static_cast<std::size_t>(piece.element)];
-      const double share = contour_form_factor(point.position, point.normal, piece) * strength / impl.tolerance;
-      if (share < kNegligibleShare) continue;
-      if (share > kClusterShare && piece.splits < kMaxSplits) {
-        split(piece, scratch.parts);
-        continue;
-      }
-      Candidate& candidate = scratch.candidates.emplace_back();
-      candidate.element = piece.element;
-      candidate.piece = static_cast<int>(scratch.pieces.size());
-      candidate.share = share;
-      scratch.pieces.push_back(piece);
-    }
+  const auto add_piece = [&](Piece piece) {
+    if (!clip_at_horizon(point.position, point.normal, piece)) return;
+    const double strength = impl.strength[static_cast<std::size_t>(piece.element)];
+    const double share = contour_form_factor(point.position, point.normal, piece) * strength / impl.tolerance;
+    if (share < kNegligibleShare) return;
+    Candidate& candidate = scratch.candidates.emplace_back();
+    candidate.element = piece.element;
+    candidate.piece = static_cast<int>(scratch.pieces.size());
+    candidate.share = share;
+    scratch.pieces.push_back(piece);
   };
   const auto add_element = [&](int element) {
     const auto e = static_cast<std::size_t>(element);
@@ -429,7 +420,7 @@ void Gatherer::irradiance(const SurfacePoint& point, double* out) const {
         return;
       }
     }
-    add_pieces(impl.shape[e]);
+    add_piece(impl.shape[e]);
   };
 
   while (true) {
@@ -480,13 +471,21 @@ void Gatherer::irradiance(const SurfacePoint& point, double* out) const {
         }
       } else {
         const Piece& piece = shape_of(candidate);
-        const Vector3d middle = centroid(piece);
         if (single) {
-          aim(middle);
+          aim(centroid(piece));
         } else {
-          // Two thirds of the way from the middle to the corners: the centroids of the parts, nearly.
-          for (int k = 0; k < piece.corners; ++k) {
-            aim(middle + 2.0 / 3.0 * (piece.corner[static_cast<std::size_t>(k)] - middle));
+          // As many rays as if it had been split until its parts were small.
+          int levels = 1;
+          for (double part = candidate.share; part > kClusterShare && levels < kMaxSampleLevels; part *= 0.25) ++levels;
+          scratch.parts.assign(1, piece);
+          while (!scratch.parts.empty()) {
+            const Piece part = scratch.parts.back();
+            scratch.parts.pop_back();
+            if (part.splits < piece.splits + levels) {
+              split(part, scratch.parts);
+            } else {
+              aim(centroid(part));
+            }
           }
         }
       }
@@ -519,11 +518,11 @@ void Gatherer::irradiance(const SurfacePoint& point, double* out) const {
     scratch.candidates.clear();
     for (const Candidate& candidate : scratch.mixed) {
       if (candidate.node < 0) {
-        std::vector<Piece> quarters;
         Piece piece = shape_of(candidate);
         if (!clip_at_horizon(point.position, point.normal, piece)) continue;
-        split(piece, quarters);
-        for (const Piece& quarter : quarters) add_pieces(quarter);
+        scratch.parts.clear();
+        split(piece, scratch.parts);
+        for (const Piece& part : scratch.parts) add_piece(part);
         continue;
       }
       const Node& node = impl.nodes[static_cast<std::size_t>(candidate.node)];

@@ -188,8 +188,8 @@ IrradianceField::IrradianceField(const Surface& surface, const Gatherer& gathere
       if (!pixels) continue;
       Split split{leaf};
       for (std::size_t k = 0; k < 3; ++k) {
-        split.gathered[k] = (*pixels)[k] > kSmallestEdgePixels &&
-                            (leaf.expected[k] > 0.5 * tolerance || (*pixels)[k] > kLargestEdgePixels);
+        split.gathered[k] =
+            (*pixels)[k] > kSmallestEdgePixels && (leaf.expected[k] > tolerance || (*pixels)[k] > kLargestEdgePixels);
       }
       if (split.gathered[0] || split.gathered[1] || split.gathered[2]) splits.push_back(split);
     }

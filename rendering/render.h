@@ -17,7 +17,7 @@ struct RenderParams {
   /// Primary rays per pixel side where the picture changes within the pixel (silhouettes, creases, shadow edges), in
   /// [1, 64]; 1 elsewhere.
   int samples_per_side = 4;
-  /// Wanted error of the gathered indirect irradiance, relative to the mean irradiance of the lit surfaces, in [1e-6,
+  /// Wanted error of the gathered indirect irradiance, relative to the mean irradiance of the lit surfaces, in [1e-9,
   /// 1].
   double gather_tolerance = 1e-3;
 };
