@@ -32,7 +32,7 @@ material = "grey"
 remesh = "none"
 [light.sky]
 kind = "sky"
-radiance = 1
+spectrum = 1
 [camera]
 position_mm = [0, 0, 100]
 target_mm = [0, 0, 0]
