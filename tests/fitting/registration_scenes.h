@@ -52,7 +52,7 @@ inline Scene cylinders_scene(int size, unsigned seed, int spots = 40) {
 }
 
 /// Spots of 1.8 to 3.4 px all over the picture, of 400 DN root mean square: with so much detail, 4 DN of noise allow
-/// 0.0007 px. The cylinders above, whose outlines hold most of what there is to align, allow 0.003 px.
+/// less than 0.002 px. The cylinders above, whose outlines hold most of what there is to align, allow 0.003 px.
 inline Scene texture_scene(int size, unsigned seed) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> uniform(0.0, 1.0);
