@@ -293,6 +293,9 @@ class Descent {
   bool mark(int p, int q) {
     const int i = element(p);
     const int j = element(q);
+    // Front and back of one face: rounding may put either in front of the other.
+    if (problem_.elements.face[static_cast<std::size_t>(i)] == problem_.elements.face[static_cast<std::size_t>(j)])
+      return false;
     if (idle(problem_.elements.material[static_cast<std::size_t>(i)] < 0,
              problem_.elements.material[static_cast<std::size_t>(j)] < 0))
       return false;

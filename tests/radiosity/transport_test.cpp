@@ -148,6 +148,29 @@ TEST(Transport, AnOpenSceneIsNotSmoothed) {
   }
 }
 
+// The two sides of a face see nothing of one another, and that is known exactly, although rounding puts each in front of
+// the other where the face is oblique.
+TEST(Transport, SidesOfAnObliqueFaceAddNoError) {
+  scene::Scene scene;
+  scene.materials = {{"grey", {Eigen::VectorXd::Constant(1, 0.5), {}}}};
+  mesh::PatchMesh sheet;
+  const Eigen::Vector3d u(-0.83, 0.11, 1.31);
+  const Eigen::Vector3d v(0.17, 0.71, -0.29);
+  for (int row = 0; row <= 6; ++row) {
+    for (int column = 0; column <= 6; ++column) sheet.points.push_back(row * u + column * v);
+  }
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 6; ++column) {
+      const int corner = 7 * row + column;
+      sheet.faces.push_back({corner, corner + 7, corner + 8, corner + 1});
+    }
+  }
+  scene.objects.push_back({.name = "sheet", .patches = sheet});
+  const auto transport = Transport::build(make_elements(scene), {.tolerance = 1e-6});
+  EXPECT_LE(transport.report().error_estimate_max, 1e-6);
+  EXPECT_LE(transport.report().max_row_sum, 1e-6);
+}
+
 TEST(Transport, RefusesAToleranceOutOfRange) {
   try {
     Transport::build(make_elements(closed_cube(1)), {.tolerance = 0.5});
