@@ -9,6 +9,7 @@
 #include <map>
 #include <numeric>
 #include <optional>
+#include <span>
 #include <unordered_map>
 
 namespace interglow::radiosity {
@@ -253,6 +254,35 @@ std::optional<ConvexBody> convex_solid(const Surface& surface, const Merged& mer
   return body;
 }
 
+/// Adds the subtree of `members`, split at the median of the longest side, and returns its root.
+int add_nodes(const std::vector<ConvexBody>& body, std::span<int> members, BodyTree& tree) {
+  const auto number = tree.node.size();
+  tree.node.emplace_back();
+  Box box = Box::empty();
+  for (const int b : members) {
+    box.cover(body[static_cast<std::size_t>(b)].box.low);
+    box.cover(body[static_cast<std::size_t>(b)].box.high);
+  }
+  tree.node[number].box = box;
+  if (members.size() == 1) {
+    tree.node[number].body = members[0];
+    return static_cast<int>(number);
+  }
+  Eigen::Index axis = 0;
+  (box.high - box.low).maxCoeff(&axis);
+  const auto key = [&](int b) {
+    return body[static_cast<std::size_t>(b)].box.low[axis] + body[static_cast<std::size_t>(b)].box.high[axis];
+  };
+  const std::size_t half = members.size() / 2;
+  std::nth_element(members.begin(), members.begin() + static_cast<std::ptrdiff_t>(half), members.end(),
+                   [&](int a, int b) { return key(a) != key(b) ? key(a) < key(b) : a < b; });
+  const int left = add_nodes(body, members.first(half), tree);
+  const int right = add_nodes(body, members.subspan(half), tree);
+  tree.node[number].left = left;
+  tree.node[number].right = right;
+  return static_cast<int>(number);
+}
+
 }  // namespace
 
 Blockers make_blockers(const Elements& elements, double flat) {
@@ -279,11 +309,8 @@ Blockers make_blockers(const Elements& elements, double flat) {
       for (const int p : loop) points.push_back(surface.point[static_cast<std::size_t>(p)]);
       return points;
     };
-    std::vector<ConvexBody> bodies;
     if (elements.back_element[first] < 0) {
       if (auto solid = convex_solid(surface, merged, flat)) {
-        blockers.first_outline.push_back(static_cast<int>(blockers.outline.size()));
-        for (const Loop& loop : merged.outline) blockers.outline.push_back(outline_points(loop));
         solid->object = faces.object[first];
         blockers.body.push_back(std::move(*solid));
         first = last;
@@ -299,13 +326,20 @@ Blockers make_blockers(const Elements& elements, double flat) {
       const int n = static_cast<int>(body.vertex.size());
       for (int k = 0; k < n; ++k) body.edge.push_back({k, (k + 1) % n, 0, -1});
       body.object = faces.object[first];
-      blockers.first_outline.push_back(static_cast<int>(blockers.outline.size()));
-      blockers.outline.push_back(body.vertex);
       blockers.body.push_back(std::move(body));
     }
     first = last;
   }
-  blockers.first_outline.push_back(static_cast<int>(blockers.outline.size()));
+  for (int first = 0; first < static_cast<int>(blockers.body.size());) {
+    const int object = blockers.body[static_cast<std::size_t>(first)].object;
+    std::vector<int> members;
+    for (int b = first;
+         b < static_cast<int>(blockers.body.size()) && blockers.body[static_cast<std::size_t>(b)].object == object; ++b)
+      members.push_back(b);
+    first += static_cast<int>(members.size());
+    blockers.tree.push_back({object, {}});
+    add_nodes(blockers.body, members, blockers.tree.back());
+  }
   return blockers;
 }
 

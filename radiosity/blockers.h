@@ -29,11 +29,21 @@ struct ConvexBody {
   Box box = Box::empty();
 };
 
+/// Bounding boxes over the bodies of one object.
+struct BodyTree {
+  struct Node {
+    Box box = Box::empty();
+    int left = -1;  ///< children; -1: a leaf of one body
+    int right = -1;
+    int body = -1;
+  };
+  int object = 0;
+  std::vector<Node> node;  ///< the root first
+};
+
 struct Blockers {
+  std::vector<BodyTree> tree;  ///< one an object that has bodies
   std::vector<ConvexBody> body;
-  /// Planar convex outlines of all merged faces: what `body` is made of, for methods that need single polygons.
-  std::vector<std::vector<Eigen::Vector3d>> outline;
-  std::vector<int> first_outline;  ///< outlines of body b: first_outline[b] .. first_outline[b + 1]
 };
 
 /// Neighbouring faces of an object in one plane are merged where the union is convex, and an object that is closed and

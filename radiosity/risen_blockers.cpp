@@ -47,11 +47,28 @@ RisenBlockers::RisenBlockers(const Elements& elements, const ElementTree& tree, 
       bits_((first.empty() ? 0 : first.size() - 1) * words_, 0) {
   if (first.size() < 2) return;
   tbb::parallel_for(std::size_t{0}, first.size() - 1, [&](std::size_t tile) {
-    for (std::size_t b = 0; b < blockers.body.size(); ++b) {
-      for (int k = first[tile]; k < first[tile + 1]; ++k) {
-        if (!above_element(tree.order()[static_cast<std::size_t>(k)], blockers.body[b])) continue;
-        bits_[tile * words_ + b / 64] |= std::uint64_t{1} << (b % 64);
-        break;
+    std::vector<int> pending;
+    for (const BodyTree& bodies : blockers.tree) {
+      pending.assign(1, 0);
+      while (!pending.empty()) {
+        const BodyTree::Node& node = bodies.node[static_cast<std::size_t>(pending.back())];
+        pending.pop_back();
+        for (int k = first[tile]; k < first[tile + 1]; ++k) {
+          const int element = tree.order()[static_cast<std::size_t>(k)];
+          if (node.body >= 0) {
+            if (!above_element(element, blockers.body[static_cast<std::size_t>(node.body)])) continue;
+            bits_[tile * words_ + static_cast<std::size_t>(node.body) / 64] |= std::uint64_t{1} << (node.body % 64);
+            break;
+          }
+          const Vector3d normal = elements.normal.row(element).transpose();
+          const Vector3d& origin = tree.polygon(element).corner[0];
+          const double highest =
+              normal.cwiseProduct(node.box.low - origin).cwiseMax(normal.cwiseProduct(node.box.high - origin)).sum();
+          if (highest <= tree.flat()) continue;
+          pending.push_back(node.right);
+          pending.push_back(node.left);
+          break;
+        }
       }
     }
   });

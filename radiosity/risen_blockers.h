@@ -18,7 +18,8 @@ namespace interglow::radiosity {
 class RisenBlockers {
  public:
   /// @param first  position in tree.order() of the first element of each tile, and the end
-  /// Memory: tiles × bodies bits. Cost O(elements × bodies) comparisons at most. Same bits for any number of threads.
+  /// Memory: tiles × bodies bits. Cost O(elements log bodies) where surfaces are convex, O(elements × bodies) at most.
+  /// Same bits for any number of threads.
   RisenBlockers(const Elements& elements, const ElementTree& tree, const Blockers& blockers,
                 const std::vector<int>& first, double row_tolerance);
 

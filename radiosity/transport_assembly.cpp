@@ -11,6 +11,8 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <numbers>
+#include <numeric>
 #include <optional>
 #include <vector>
 
@@ -37,21 +39,22 @@ constexpr std::size_t kTasks = 1024;
 /// More polygons than this in the way of one pair are sampled by rays: clipping would cost more than the tolerance is
 /// worth.
 constexpr std::size_t kMostClipped = 12;
-/// More obstacles than this between two tiles: sorting out who blocks whom would cost more than sampling every pair.
-constexpr std::size_t kMostSorted = 48;
-/// Share of the tolerance of one form factor below which visibility is not looked for: thousands of such pairs in a row
-/// together stay within the row's tolerance.
-constexpr double kTooFaint = 0.02;
+/// With at most this many bodies in a scene all of them are handed down the tree of clusters; more are searched for
+/// each tile.
+constexpr std::size_t kMostHandedDown = 64;
+/// Lines between two clusters, one of them black, that must all be blocked for the pair to be dropped.
+constexpr int kClusterLines = 256;
 
 struct Problem {
   const Elements& elements;
   const TransportParams& params;
   ElementTree tree;
   Blockers blockers;
-  std::vector<int> tile_of_node;  ///< number of the tile cluster a node is, -1 if it is none
-  std::vector<int> first;         ///< position of the first element of each tile, and the end
-  std::vector<char> black;        ///< by node: all members are black
-  double entry_tolerance = 0.0;   ///< of one form factor
+  std::vector<int> tile_of_node;              ///< number of the tile cluster a node is, -1 if it is none
+  std::vector<std::uint64_t> hidden_objects;  ///< by node: bit o: nothing of object o rises above any member's plane
+  std::vector<char> black;                    ///< by node: all members are black
+  std::vector<double> rise;      ///< by node: what rises less above the members' planes counts as below them [mm]
+  double entry_tolerance = 0.0;  ///< of one form factor
   std::optional<FormFactorBatch> kernel;
   std::optional<Visibility> visibility;
   std::optional<RisenBlockers> risen;
@@ -112,7 +115,9 @@ class Descent {
 
   void run(NodePair pair) {
     Candidates all;
-    for (std::size_t k = 0; k < problem_.blockers.body.size(); ++k) all.push_back(static_cast<int>(k));
+    if (problem_.blockers.body.size() <= kMostHandedDown) {
+      for (std::size_t k = 0; k < problem_.blockers.body.size(); ++k) all.push_back(static_cast<int>(k));
+    }
     to_tiles(pair.a, pair.b, all);
   }
 
@@ -130,9 +135,8 @@ class Descent {
     int row;
     int column;
     int first_candidate;
-    int candidates;  ///< kSampled: too many to list
+    int candidates;
   };
-  static constexpr int kSampled = -1;
 
   const Cluster& cluster(int node) const { return problem_.tree.cluster(node); }
   double flat() const { return problem_.tree.flat(); }
@@ -158,6 +162,9 @@ class Descent {
       tile(a, b, left);
       return;
     }
+    if (problem_.black[static_cast<std::size_t>(a)] != problem_.black[static_cast<std::size_t>(b)] &&
+        hidden_by_lines(a, b))
+      return;
     if (a == b) {
       to_tiles(cluster(a).left, cluster(a).left, left);
       to_tiles(cluster(a).left, cluster(a).right, left);
@@ -182,14 +189,19 @@ class Descent {
     shadowed_.clear();
     candidate_pool_.clear();
     any_ = false;
-    mark_all(a, b);
-    if (!any_) return;
-    exchange(!candidates.empty());
-    if (candidates.size() > kMostSorted) {
-      sample_all(a, b);
-    } else if (!candidates.empty()) {
+    sampled_ = false;
+    if (problem_.blockers.body.size() > kMostHandedDown) {
+      Candidates found;
+      if (!search(a, b, found)) return;
+      sampled_ = found.size() > kMostClipped;
+      if (sampled_) found.clear();
+      pairs(a, b, found);
+    } else {
       pairs(a, b, candidates);
     }
+    if (!any_) return;
+    in_doubt_ = 0.0;
+    if (sampled_ && !sample_tile()) return;
     values_.assign(static_cast<std::size_t>(rows_ * columns_), 0.0);
     squared_error_a_.assign(static_cast<std::size_t>(rows_), 0.0);
     squared_error_b_.assign(static_cast<std::size_t>(columns_), 0.0);
@@ -215,38 +227,7 @@ class Descent {
                            problem_.tile_of_node[static_cast<std::size_t>(b)], chunk.values.back().data()});
   }
 
-  /// Marks the pairs of a tile that face one another.
-  void mark_all(int a, int b) {
-    const Cluster& ca = cluster(a);
-    const Cluster& cb = cluster(b);
-    for (int p = ca.first; p < ca.first + ca.count; ++p) {
-      for (int q = a == b ? p + 1 : cb.first; q < cb.first + cb.count; ++q) mark(p, q);
-    }
-  }
-
-  std::size_t at(int p, int q) const {
-    return static_cast<std::size_t>((p - row_first_) * columns_ + q - column_first_);
-  }
-
-  /// Lists the pairs that matter; rays will say what of them is hidden.
-  void sample_all(int a, int b) {
-    for (int p = cluster(a).first; p < cluster(a).first + cluster(a).count; ++p) {
-      for (int q = cluster(b).first; q < cluster(b).first + cluster(b).count; ++q) {
-        if (facing_[at(p, q)] == kMatters) shadowed_.push_back({p - row_first_, q - column_first_, 0, kSampled});
-      }
-    }
-  }
-
-  bool any_matters(int a, int b) const {
-    for (int p = cluster(a).first; p < cluster(a).first + cluster(a).count; ++p) {
-      for (int q = cluster(b).first; q < cluster(b).first + cluster(b).count; ++q) {
-        if (facing_[at(p, q)] == kMatters) return true;
-      }
-    }
-    return false;
-  }
-
-  /// Lists the pairs between two nodes that blockers may reach.
+  /// Marks the pairs of a tile that face one another and lists those that blockers may reach.
   void pairs(int a, int b, const Candidates& candidates) {
     const Cluster& ca = cluster(a);
     const Cluster& cb = cluster(b);
@@ -257,14 +238,17 @@ class Descent {
       pairs(ca.right, ca.right, candidates);
       return;
     }
-    if (!any_matters(a, b)) return;
-    Candidates left;
-    if (!thin_out(a, b, candidates, left)) {
-      block(a, b);
+    if (!may_exchange(a, b)) return;
+    if (candidates.empty()) {
+      for (int p = ca.first; p < ca.first + ca.count; ++p) {
+        for (int q = cb.first; q < cb.first + cb.count; ++q) mark(p, q);
+      }
       return;
     }
-    if (left.empty()) return;
+    Candidates left;
+    if (!thin_out(a, b, candidates, left)) return;
     if (ca.count == 1 && cb.count == 1) {
+      if (!mark(ca.first, cb.first) || left.empty()) return;
       shadowed_.push_back({ca.first - row_first_, cb.first - column_first_, static_cast<int>(candidate_pool_.size()),
                            static_cast<int>(left.size())});
       candidate_pool_.insert(candidate_pool_.end(), left.begin(), left.end());
@@ -275,14 +259,6 @@ class Descent {
     } else {
       pairs(a, cb.left, left);
       pairs(a, cb.right, left);
-    }
-  }
-
-  void block(int a, int b) {
-    for (int p = cluster(a).first; p < cluster(a).first + cluster(a).count; ++p) {
-      for (int q = cluster(b).first; q < cluster(b).first + cluster(b).count; ++q) {
-        if (facing_[at(p, q)] == kMatters) results_[at(p, q)] = {0.0, 0.0, FormFactorMethod::kBlocked};
-      }
     }
   }
 
@@ -302,14 +278,13 @@ class Descent {
     if (!in_front_of(i, problem_.tree.polygon(j)) || !in_front_of(j, problem_.tree.polygon(i))) return false;
     ++counts.facing_pairs;
     any_ = true;
-    facing_[at(p, q)] = kMatters;
+    facing_[static_cast<std::size_t>((p - row_first_) * columns_ + q - column_first_)] = 1;
     return true;
   }
 
-  /// Exchange areas of the marked pairs of a tile as if nothing stood between them, row by row. Where something may, a
-  /// pair too faint for the tolerance gets half of its value: looking for what hides it is not worth it.
-  void exchange(bool obstacles) {
-    results_.resize(static_cast<std::size_t>(rows_ * columns_));
+  /// Exchange areas of the marked pairs of a tile, row by row; then what blockers leave of them.
+  void fill() {
+    results_.assign(static_cast<std::size_t>(rows_ * columns_), FormFactor{});
     for (int r = 0; r < rows_; ++r) {
       others_.clear();
       columns_of_others_.clear();
@@ -333,24 +308,10 @@ class Descent {
         results_[static_cast<std::size_t>(r * columns_ + columns_of_others_[k])] = row_results_[k];
       }
     }
-    if (!obstacles) return;
-    for (int r = 0; r < rows_; ++r) {
-      for (int c = 0; c < columns_; ++c) {
-        const auto k = static_cast<std::size_t>(r * columns_ + c);
-        FormFactor& whole = results_[k];
-        const double smaller = std::min(problem_.elements.area_mm2[element(row_first_ + r)],
-                                        problem_.elements.area_mm2[element(column_first_ + c)]);
-        if (facing_[k] == 0 || whole.value > kTooFaint * problem_.entry_tolerance * smaller) continue;
-        // Between nothing and all of it is seen.
-        facing_[k] = kFaint;
-        whole.value *= 0.5;
-        whole.error_estimate += whole.value;
-      }
+    if (sampled_) sample_pairs();
+    if (in_doubt_ > 0.0) {
+      for (FormFactor& exchange : results_) exchange.error_estimate += in_doubt_ * exchange.value;
     }
-  }
-
-  /// What blockers leave of the exchange areas, and their errors.
-  void fill() {
     for (const Shadowed& pair : shadowed_) {
       FormFactor& exchange = results_[static_cast<std::size_t>(pair.row * columns_ + pair.column)];
       if (exchange.value > 0.0) shadow(pair, exchange);
@@ -384,23 +345,14 @@ class Descent {
     const double tolerance = 0.5 * problem_.entry_tolerance *
                              std::min(problem_.elements.area_mm2[outer], problem_.elements.area_mm2[source]);
     ShadowResult result;
-    if (pair.candidates == kSampled || bodies_.size() > kMostClipped) {
+    if (bodies_.size() > kMostClipped) {
       result = sample(outer, source, exchange.value, tolerance);
     } else {
       if (better_outer(source, outer)) std::swap(outer, source);
       result =
           cells_.integrate(problem_.tree.polygon(outer), problem_.tree.polygon(source), bodies_, tolerance, flat());
     }
-    if (!result.touched) return;
-    if (result.covered) {
-      ++counts.blocked_pairs;
-      exchange = {0.0, 0.0, FormFactorMethod::kBlocked};
-      return;
-    }
-    ++counts.partially_visible_pairs;
-    exchange.value = std::clamp(exchange.value - result.hidden, 0.0, exchange.value);
-    exchange.error_estimate += result.error_estimate;
-    exchange.method = FormFactorMethod::kOccluded;
+    take_away(result, exchange);
   }
 
   /// Seen from the farther patch, shadows on the other one move less: their edges cross fewer of its corners.
@@ -415,7 +367,12 @@ class Descent {
     return problem_.elements.area_mm2[i] * nearest(j) < problem_.elements.area_mm2[j] * nearest(i);
   }
 
+  bool hidden_by_lines(int a, int b);
+  bool sample_tile();
+  void sample_pairs();
   ShadowResult sample(int i, int j, double exchange, double tolerance);
+  bool add_segment(int i, int j, int number);
+  void take_away(const ShadowResult& result, FormFactor& exchange);
 
   void add_to_shaft(int node, Shaft& shaft) const {
     const Cluster& c = cluster(node);
@@ -431,60 +388,108 @@ class Descent {
     }
   }
 
-  /// Whether the body rises above some member's plane so far that it matters.
-  bool may_rise_above(int node, int k) const {
+  /// Whether some vertex of the body rises above some member's plane.
+  bool may_rise_above(int node, const ConvexBody& body) const {
     const Cluster& c = cluster(node);
-    const ConvexBody& body = problem_.blockers.body[static_cast<std::size_t>(k)];
-    if (c.count == 1) return problem_.risen->above_element(element(c.first), body);
-    if (!may_face(c, body.box)) return false;
-    if (c.sin_spread == 0.0 && std::none_of(body.vertex.begin(), body.vertex.end(),
-                                            [&](const Vector3d& v) { return c.axis.dot(v) - c.lowest > flat(); }))
-      return false;
-    return c.count > kTileSize || problem_.risen->above_tile(tile_at(c.first), k);
+    if (problem_.risen && c.count == 1) return problem_.risen->above_element(element(c.first), body);
+    if (c.sin_spread == 0.0) {
+      return std::any_of(body.vertex.begin(), body.vertex.end(), [&](const Vector3d& v) {
+        return c.axis.dot(v) - c.lowest > problem_.rise[static_cast<std::size_t>(node)];
+      });
+    }
+    return may_face(c, body.box);
   }
 
-  /// The tile that holds a position of the tree's order.
-  int tile_at(int position) const {
-    const auto above = std::upper_bound(problem_.first.begin(), problem_.first.end(), position);
-    return static_cast<int>(above - problem_.first.begin()) - 1;
+  struct Between {
+    int a;
+    int b;
+    Shaft shaft;
+    std::uint64_t hidden;  ///< objects that stay below all planes of one side
+  };
+
+  Between between(int a, int b) const {
+    Between result{
+        a,
+        b,
+        {},
+        problem_.hidden_objects[static_cast<std::size_t>(a)] | problem_.hidden_objects[static_cast<std::size_t>(b)]};
+    add_to_shaft(a, result.shaft);
+    result.shaft.a_corners = result.shaft.corners;
+    add_to_shaft(b, result.shaft);
+    return result;
+  }
+
+  static bool is_hidden(const Between& pair, int object) { return object < 64 && ((pair.hidden >> object) & 1U) != 0; }
+
+  bool overlaps(const Box& box, const Shaft& shaft) const {
+    return (box.low.array() <= shaft.hull.high.array() + flat()).all() &&
+           (box.high.array() >= shaft.hull.low.array() - flat()).all();
+  }
+
+  /// Whether a body may cut a line between a member of one cluster and one of the other.
+  bool may_cut(const ConvexBody& body, const Between& pair) const {
+    const Shaft& shaft = pair.shaft;
+    for (const ConvexBody::Face& face : body.face) {
+      bool front = false;
+      bool back = false;
+      for (int c = 0; c < shaft.corners; ++c) {
+        const double height = face.height(shaft.corner[static_cast<std::size_t>(c)]);
+        front = front || height > flat();
+        back = back || height < -flat();
+      }
+      if (!back || (!front && !body.solid)) return false;
+    }
+    if (!may_rise_above(pair.a, body) || !may_rise_above(pair.b, body)) return false;
+    return !separated(shaft.corner.data(), shaft.corners, body.vertex.data(), static_cast<int>(body.vertex.size()),
+                      flat());
+  }
+
+  bool hides_all(const ConvexBody& body, const Between& pair) {
+    if (pair.a == pair.b || !covers(body, pair.shaft, flat())) return false;
+    counts.blocked_pairs += static_cast<std::int64_t>(cluster(pair.a).count) * cluster(pair.b).count;
+    return true;
   }
 
   /// Keeps the candidates that may cut a line between a member of `a` and one of `b`; false if one of them cuts all
   /// lines.
   bool thin_out(int a, int b, const Candidates& candidates, Candidates& left) {
     if (candidates.empty()) return true;
-    Shaft shaft;
-    add_to_shaft(a, shaft);
-    shaft.a_corners = shaft.corners;
-    add_to_shaft(b, shaft);
+    const Between pair = between(a, b);
     for (const int k : candidates) {
       const ConvexBody& body = problem_.blockers.body[static_cast<std::size_t>(k)];
-      if ((body.box.low.array() > shaft.hull.high.array() + flat()).any() ||
-          (body.box.high.array() < shaft.hull.low.array() - flat()).any())
-        continue;
-      bool beside = false;
-      for (const ConvexBody::Face& face : body.face) {
-        bool front = false;
-        bool back = false;
-        for (int c = 0; c < shaft.corners; ++c) {
-          const double height = face.height(shaft.corner[static_cast<std::size_t>(c)]);
-          front = front || height > flat();
-          back = back || height < -flat();
-        }
-        if (!back || (!front && !body.solid)) {
-          beside = true;
-          break;
-        }
-      }
-      if (beside || !may_rise_above(a, k) || !may_rise_above(b, k)) continue;
-      if (separated(shaft.corner.data(), shaft.corners, body.vertex.data(), static_cast<int>(body.vertex.size()),
-                    flat()))
-        continue;
-      if (a != b && covers(body, shaft, flat())) {
-        counts.blocked_pairs += static_cast<std::int64_t>(cluster(a).count) * cluster(b).count;
-        return false;
-      }
+      if (is_hidden(pair, body.object) || !overlaps(body.box, pair.shaft) || !may_cut(body, pair)) continue;
+      if (hides_all(body, pair)) return false;
       left.push_back(k);
+    }
+    return true;
+  }
+
+  /// The bodies that may cut lines between two tiles; stops once there are too many to be clipped. False if one cuts
+  /// all lines.
+  bool search(int a, int b, Candidates& found) {
+    const Between pair = between(a, b);
+    const int tile_a = problem_.tile_of_node[static_cast<std::size_t>(a)];
+    const int tile_b = problem_.tile_of_node[static_cast<std::size_t>(b)];
+    for (const BodyTree& tree : problem_.blockers.tree) {
+      if (is_hidden(pair, tree.object)) continue;
+      pending_.assign(1, 0);
+      while (!pending_.empty()) {
+        const BodyTree::Node& node = tree.node[static_cast<std::size_t>(pending_.back())];
+        pending_.pop_back();
+        if (!overlaps(node.box, pair.shaft)) continue;
+        if (node.body < 0) {
+          if (!may_face(cluster(a), node.box) || !may_face(cluster(b), node.box)) continue;
+          pending_.push_back(node.right);
+          pending_.push_back(node.left);
+          continue;
+        }
+        const ConvexBody& body = problem_.blockers.body[static_cast<std::size_t>(node.body)];
+        if (!problem_.risen->above_tile(tile_a, node.body) || !problem_.risen->above_tile(tile_b, node.body)) continue;
+        if (!may_cut(body, pair)) continue;
+        if (hides_all(body, pair)) return false;
+        found.push_back(node.body);
+        if (found.size() > kMostClipped) return true;
+      }
     }
     return true;
   }
@@ -492,7 +497,6 @@ class Descent {
   const Problem& problem_;
   ShadowCells cells_;
   std::vector<const ConvexBody*> bodies_;
-  enum Facing : char { kAway = 0, kMatters = 1, kFaint = 2 };
   std::vector<char> facing_;
   std::vector<Shadowed> shadowed_;
   std::vector<int> candidate_pool_;
@@ -501,20 +505,42 @@ class Descent {
   std::vector<FormFactor> results_, row_results_;
   std::vector<Segment> segments_;
   std::vector<char> segment_blocked_;
+  std::vector<double> weights_;
   std::vector<double> values_, squared_error_a_, squared_error_b_;
   int row_first_ = 0;
   int column_first_ = 0;
   int rows_ = 0;
   int columns_ = 0;
+  std::vector<int> pending_;
   bool any_ = false;
+  double in_doubt_ = 0.0;  ///< share of every pair of a sampled tile that its lines left open
+  bool sampled_ = false;   ///< rays decide about this tile's pairs
 };
 
-/// Points of a rank-1 lattice in four dimensions (powers of the root of x^5 = x + 1), mapped to the two patches.
-ShadowResult Descent::sample(int i, int j, double exchange, double tolerance) {
+void Descent::take_away(const ShadowResult& result, FormFactor& exchange) {
+  exchange.error_estimate += result.error_estimate;
+  if (!result.touched) return;
+  if (result.covered) {
+    ++counts.blocked_pairs;
+    exchange.value = 0.0;
+    exchange.method = FormFactorMethod::kBlocked;
+    return;
+  }
+  ++counts.partially_visible_pairs;
+  exchange.value = std::clamp(exchange.value - result.hidden, 0.0, exchange.value);
+  exchange.method = FormFactorMethod::kOccluded;
+}
+
+/// Adds line `number` between two patches and its share of the exchange: points of a rank-1 lattice in four dimensions
+/// (powers of the root of x^5 = x + 1), shifted from pair to pair. False if it carries nothing.
+bool Descent::add_segment(int i, int j, int number) {
   constexpr std::array<double, 4> kStep = {0.8566748838545029, 0.733891856627126, 0.6287067210378087,
                                            0.5385972572236101};
-  constexpr int kFewest = 16;
-  constexpr int kMost = 1024;
+  std::array<double, 4> x;
+  for (std::size_t k = 0; k < 4; ++k) {
+    const double turn = 0.5 + (number + 1) * kStep[k] + i * kStep[(k + 1) % 4] + j * kStep[(k + 2) % 4];
+    x[k] = turn - std::floor(turn);
+  }
   const auto at = [](const Polygon& polygon, double u, double v, double& weight) -> Vector3d {
     const auto& [a, b, c, d] = polygon.corner;
     if (polygon.corners == 3) {
@@ -522,45 +548,125 @@ ShadowResult Descent::sample(int i, int j, double exchange, double tolerance) {
         u = 1.0 - u;
         v = 1.0 - v;
       }
-      weight = 1.0;
       return a + u * (b - a) + v * (c - a);
     }
-    weight = ((1 - v) * (b - a) + v * (c - d)).cross((1 - u) * (d - a) + u * (c - b)).norm();
+    weight *= ((1 - v) * (b - a) + v * (c - d)).cross((1 - u) * (d - a) + u * (c - b)).norm();
     return (1 - u) * ((1 - v) * a + v * d) + u * ((1 - v) * b + v * c);
   };
-  const Vector3d normal_i = problem_.elements.normal.row(i).transpose();
-  const Vector3d normal_j = problem_.elements.normal.row(j).transpose();
+  // Of a quad the Jacobian over its area: 1 on average, as for a triangle.
+  double weight = 1.0;
+  for (const int e : {i, j}) {
+    if (problem_.tree.polygon(e).corners == 4) weight /= problem_.elements.area_mm2[e];
+  }
+  const Vector3d p = at(problem_.tree.polygon(i), x[0], x[1], weight);
+  const Vector3d q = at(problem_.tree.polygon(j), x[2], x[3], weight);
+  const Vector3d line = q - p;
+  const double cosines = std::max(0.0, problem_.elements.normal.row(i).dot(line)) *
+                         std::max(0.0, -problem_.elements.normal.row(j).dot(line));
+  if (cosines <= 0.0) return false;
+  const double squared = line.squaredNorm();
+  weights_.push_back(weight * cosines / (squared * squared));
+  segments_.push_back(
+      {p, q, problem_.elements.face[static_cast<std::size_t>(i)], problem_.elements.face[static_cast<std::size_t>(j)]});
+  return true;
+}
+
+/// The black inside of an open sheet is behind its outside for most of a scene, but no single face hides it. It sends
+/// nothing back, so lines are proof enough: if all of them are blocked the clusters are dropped, with one line in
+/// doubt.
+bool Descent::hidden_by_lines(int a, int b) {
+  if (problem_.blockers.body.size() <= kMostHandedDown) return false;
+  const Cluster& ca = cluster(a);
+  const Cluster& cb = cluster(b);
+  constexpr std::array<double, 2> kStep = {0.7548776662466927, 0.5698402909980532};
+  double factor = 0.0;  // mean over the lines of the form factor from a member of a to all of b
+  int lines = 0;
+  for (int number = 0; number < 4 * kClusterLines && lines < kClusterLines;) {
+    segments_.clear();
+    weights_.clear();
+    constexpr int kTogether = 32;
+    double areas = 0.0;
+    for (int k = 0; k < kTogether; ++k, ++number) {
+      const double x = (number + 0.5) * kStep[0];
+      const double y = (number + 0.5) * kStep[1];
+      const int i = element(ca.first + static_cast<int>((x - std::floor(x)) * ca.count));
+      const int j = element(cb.first + static_cast<int>((y - std::floor(y)) * cb.count));
+      if (add_segment(i, j, number)) areas += problem_.elements.area_mm2[j];
+    }
+    if (segments_.empty()) continue;
+    segment_blocked_.resize(segments_.size());
+    problem_.visibility->blocked(segments_, segment_blocked_);
+    if (std::count(segment_blocked_.begin(), segment_blocked_.end(), 0) > 0) return false;
+    lines += static_cast<int>(segments_.size());
+    factor += areas / static_cast<double>(segments_.size()) * cb.count *
+              std::accumulate(weights_.begin(), weights_.end(), 0.0) / std::numbers::pi;
+  }
+  if (lines < kClusterLines) return false;
+  counts.blocked_pairs += static_cast<std::int64_t>(ca.count) * cb.count;
+  const double in_doubt = std::min(1.0, factor / lines) / lines;
+  for (int k = ca.first; k < ca.first + ca.count; ++k) row_errors.push_back({element(k), in_doubt * in_doubt});
+  return true;
+}
+
+/// One line for every pair of the tile, before anything is computed. If they agree, all of the tile is clear or
+/// blocked, with one line in doubt. False if the tile is blocked; `sampled_` stays set if the pairs must be looked at
+/// one by one.
+bool Descent::sample_tile() {
+  segments_.clear();
+  weights_.clear();
+  for (int r = 0; r < rows_; ++r) {
+    for (int c = 0; c < columns_; ++c) {
+      if (facing_[static_cast<std::size_t>(r * columns_ + c)] == 0) continue;
+      const int i = element(row_first_ + r);
+      const int j = element(column_first_ + c);
+      // Not all pairs share front sides along every line.
+      for (int number = 0; number < 4 && !add_segment(std::min(i, j), std::max(i, j), number); ++number) {
+      }
+    }
+  }
+  segment_blocked_.resize(segments_.size());
+  problem_.visibility->blocked(segments_, segment_blocked_);
+  const auto blocked = std::count(segment_blocked_.begin(), segment_blocked_.end(), 1);
+  constexpr std::size_t kEnough = 64;
+  if (segments_.size() < kEnough || (blocked != 0 && blocked != static_cast<std::ptrdiff_t>(segments_.size())))
+    return true;
+  sampled_ = false;
+  in_doubt_ = 1.0 / static_cast<double>(segments_.size());
+  if (blocked == 0) return true;
+  counts.blocked_pairs += static_cast<std::int64_t>(std::count(facing_.begin(), facing_.end(), 1));
+  return false;
+}
+
+void Descent::sample_pairs() {
+  for (int r = 0; r < rows_; ++r) {
+    for (int c = 0; c < columns_; ++c) {
+      const auto at = static_cast<std::size_t>(r * columns_ + c);
+      if (facing_[at] == 0 || !(results_[at].value > 0.0)) continue;
+      const int i = std::min(element(row_first_ + r), element(column_first_ + c));
+      const int j = std::max(element(row_first_ + r), element(column_first_ + c));
+      const double tolerance =
+          problem_.entry_tolerance * std::min(problem_.elements.area_mm2[i], problem_.elements.area_mm2[j]);
+      take_away(sample(i, j, results_[at].value, tolerance), results_[at]);
+    }
+  }
+}
+
+ShadowResult Descent::sample(int i, int j, double exchange, double tolerance) {
+  constexpr int kFewest = 4;
+  constexpr int kMost = 512;
   double whole = 0.0;
   double seen = 0.0;
-  std::vector<double> weights;
   ShadowResult result;
   int done = 0;
   for (int goal = kFewest; goal <= kMost; goal *= 2) {
     segments_.clear();
-    weights.clear();
-    for (; done < goal; ++done) {
-      std::array<double, 4> x;
-      for (std::size_t k = 0; k < 4; ++k) {
-        const double turn = 0.5 + (done + 1) * kStep[k];
-        x[k] = turn - std::floor(turn);
-      }
-      double weight_i = 0.0;
-      double weight_j = 0.0;
-      const Vector3d p = at(problem_.tree.polygon(i), x[0], x[1], weight_i);
-      const Vector3d q = at(problem_.tree.polygon(j), x[2], x[3], weight_j);
-      const Vector3d line = q - p;
-      const double cosines = std::max(0.0, normal_i.dot(line)) * std::max(0.0, -normal_j.dot(line));
-      if (cosines <= 0.0) continue;
-      const double squared = line.squaredNorm();
-      weights.push_back(weight_i * weight_j * cosines / (squared * squared));
-      segments_.push_back({p, q, problem_.elements.face[static_cast<std::size_t>(i)],
-                           problem_.elements.face[static_cast<std::size_t>(j)]});
-    }
+    weights_.clear();
+    for (; done < goal; ++done) add_segment(i, j, done);
     segment_blocked_.resize(segments_.size());
     problem_.visibility->blocked(segments_, segment_blocked_);
-    for (std::size_t k = 0; k < weights.size(); ++k) {
-      whole += weights[k];
-      if (segment_blocked_[k] == 0) seen += weights[k];
+    for (std::size_t k = 0; k < weights_.size(); ++k) {
+      whole += weights_[k];
+      if (segment_blocked_[k] == 0) seen += weights_[k];
     }
     const double share = whole > 0.0 ? seen / whole : 1.0;
     result.touched = share < 1.0;
@@ -594,22 +700,53 @@ std::vector<int> mark_tiles(const ElementTree& tree, int node, std::vector<int>&
   return first;
 }
 
-/// Nodes whose members are all black.
-std::vector<char> black_nodes(const Problem& problem) {
-  std::vector<char> black(static_cast<std::size_t>(problem.tree.size()), 1);
+/// For every element, which objects stay below its plane; for every node, what holds for all of its members.
+void mark_nodes(Problem& problem) {
+  const Elements& elements = problem.elements;
+  const auto n = static_cast<std::size_t>(elements.size());
+  const int objects = elements.faces.object.empty() ? 0 : std::min(64, elements.faces.object.back() + 1);
+  std::vector<std::vector<Vector3d>> points(static_cast<std::size_t>(objects));
+  for (const ConvexBody& body : problem.blockers.body) {
+    if (body.object >= objects) continue;
+    auto& all = points[static_cast<std::size_t>(body.object)];
+    all.insert(all.end(), body.vertex.begin(), body.vertex.end());
+  }
+  std::vector<std::uint64_t> hidden(n, 0);
+  std::vector<double> rise(n, 0.0);
+  tbb::parallel_for(std::size_t{0}, n, [&](std::size_t e) {
+    const Vector3d normal = elements.normal.row(static_cast<Eigen::Index>(e)).transpose();
+    // Lines that leave at an angle of θ with the surface carry a share of θ² of the flux: rounded coordinates of a
+    // convex object may rise this far without hiding anything that the tolerance would notice.
+    rise[e] = std::max(problem.tree.flat(), std::sqrt(elements.area_mm2[static_cast<Eigen::Index>(e)]) *
+                                                std::min(1e-5, 0.1 * std::sqrt(problem.entry_tolerance)));
+    const double highest = normal.dot(problem.tree.polygon(static_cast<int>(e)).corner[0]) + rise[e];
+    for (int o = 0; o < objects; ++o) {
+      const auto& all = points[static_cast<std::size_t>(o)];
+      if (std::all_of(all.begin(), all.end(), [&](const Vector3d& p) { return normal.dot(p) <= highest; }))
+        hidden[e] |= std::uint64_t{1} << o;
+    }
+  });
+  const int nodes = problem.tree.size();
+  problem.hidden_objects.assign(static_cast<std::size_t>(nodes), ~std::uint64_t{0});
+  problem.black.assign(static_cast<std::size_t>(nodes), 1);
+  problem.rise.assign(static_cast<std::size_t>(nodes), std::numeric_limits<double>::infinity());
   // Children come after their parents.
-  for (int node = problem.tree.size() - 1; node >= 0; --node) {
+  for (int node = nodes - 1; node >= 0; --node) {
     const Cluster& cluster = problem.tree.cluster(node);
-    char& all = black[static_cast<std::size_t>(node)];
+    const auto at = static_cast<std::size_t>(node);
     if (cluster.count == 1) {
-      const int e = problem.tree.order()[static_cast<std::size_t>(cluster.first)];
-      all = problem.elements.material[static_cast<std::size_t>(e)] < 0 ? 1 : 0;
-    } else {
-      all = static_cast<char>(black[static_cast<std::size_t>(cluster.left)] &
-                              black[static_cast<std::size_t>(cluster.right)]);
+      const auto e = static_cast<std::size_t>(problem.tree.order()[static_cast<std::size_t>(cluster.first)]);
+      problem.hidden_objects[at] = hidden[e];
+      problem.rise[at] = rise[e];
+      problem.black[at] = elements.material[e] < 0 ? 1 : 0;
+      continue;
+    }
+    for (const int child : {cluster.left, cluster.right}) {
+      problem.rise[at] = std::min(problem.rise[at], problem.rise[static_cast<std::size_t>(child)]);
+      problem.hidden_objects[at] &= problem.hidden_objects[static_cast<std::size_t>(child)];
+      problem.black[at] = static_cast<char>(problem.black[at] & problem.black[static_cast<std::size_t>(child)]);
     }
   }
-  return black;
 }
 
 /// Splits the pair of the root with itself into about kTasks pairs of clusters, in a fixed order.
@@ -656,20 +793,23 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
   assembly.error_estimate = Eigen::VectorXd::Zero(n);
   assembly.report.elements = n;
   assembly.report.pairs = n * (n - 1) / 2;
-  Problem problem{elements, params, ElementTree(elements), {}, {}, {}, {}, 0.0, {}, {}, {}};
+  Problem problem{elements, params, ElementTree(elements), {}, {}, {}, {}, {}, 0.0, {}, {}, {}};
   problem.entry_tolerance = params.tolerance / std::sqrt(static_cast<double>(std::max<Eigen::Index>(n, 1)));
   if (n == 0) return assembly;
   problem.tile_of_node.assign(static_cast<std::size_t>(2 * n), -1);
-  mark_tiles(problem.tree, problem.tree.root(), problem.tile_of_node, problem.first);
+  std::vector<int> first;
+  mark_tiles(problem.tree, problem.tree.root(), problem.tile_of_node, first);
   if (params.occlusion) {
     problem.blockers = make_blockers(elements, problem.tree.flat());
     problem.visibility.emplace(elements.faces);
-    problem.risen.emplace(elements, problem.tree, problem.blockers, problem.first, params.tolerance);
   }
   std::vector<Polygon> polygons;
   for (int e = 0; e < static_cast<int>(n); ++e) polygons.push_back(problem.tree.polygon(e));
   problem.kernel.emplace(std::move(polygons));
-  problem.black = black_nodes(problem);
+  if (problem.blockers.body.size() > kMostHandedDown) {
+    problem.risen.emplace(elements, problem.tree, problem.blockers, first, params.tolerance);
+  }
+  mark_nodes(problem);
   const std::vector<NodePair> tasks = make_tasks(problem);
   assembly.report.seconds_search = seconds_since(start);
   const auto factors_start = std::chrono::steady_clock::now();
@@ -695,7 +835,7 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
     for (const auto& [element, squared] : row_errors[t]) assembly.error_estimate[element] += squared;
   }
   assembly.error_estimate = assembly.error_estimate.cwiseSqrt();
-  assembly.exchange = TileMatrix(problem.tree.order(), std::move(problem.first), std::move(chunks));
+  assembly.exchange = TileMatrix(problem.tree.order(), std::move(first), std::move(chunks));
   assembly.report.seconds_factors = seconds_since(factors_start);
   return assembly;
 }
