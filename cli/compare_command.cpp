@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -11,6 +12,8 @@
 #include <vector>
 
 #include "cli/commands.h"
+#include "cli/image_mask.h"
+#include "cli/registration_report.h"
 #include "diagnostics/error.h"
 #include "files/atomic_file.h"
 #include "image/comparison_files.h"
@@ -27,6 +30,7 @@ struct Options {
   std::string out;
   std::string json;
   std::optional<double> exposure{};
+  bool registered = false;
 };
 
 nlohmann::json to_json(const image::Statistic& statistic) {
@@ -80,22 +84,40 @@ void print(const image::ImageComparison& comparison) {
              comparison.exposure, 100.0 * comparison.image_clipped_share, 100.0 * comparison.reference_clipped_share);
 }
 
-std::vector<std::uint8_t> read_mask(const std::string& path) {
-  if (path.empty()) return {};
-  const image::SpectralImage mask = image::read_spectral_exr(path).image;
-  if (mask.bands() != 1)
-    throw InvalidInput(fmt::format("{}: {} bands; expected a mask of one grey channel.", path, mask.bands()));
-  return {mask.value.begin(), mask.value.end()};
+/// The mask of the user, or all pixels that are not black in either image, where the registered image has a value.
+std::vector<std::uint8_t> covered_mask(std::vector<std::uint8_t> mask, const fitting::WarpedImage& warped,
+                                       const image::SpectralImage& reference) {
+  const auto bands = static_cast<std::size_t>(reference.bands());
+  const auto lit = [&](const image::SpectralImage& image, std::size_t pixel) {
+    const auto first = image.value.begin() + static_cast<std::ptrdiff_t>(pixel * bands);
+    return std::any_of(first, first + static_cast<std::ptrdiff_t>(bands), [](float value) { return value != 0.0F; });
+  };
+  if (mask.empty() && warped.image.bands() == reference.bands()) {
+    for (std::size_t p = 0; p < warped.covered.size(); ++p)
+      mask.push_back(lit(warped.image, p) || lit(reference, p) ? 1 : 0);
+  }
+  for (std::size_t p = 0; p < mask.size(); ++p) mask[p] = mask[p] != 0 && warped.covered[p] != 0 ? 1 : 0;
+  return mask;
 }
 
 int compare(const Options& options) {
-  const image::SpectralImage image = image::read_spectral_exr(options.image).image;
+  image::SpectralImage image = image::read_spectral_exr(options.image).image;
   const image::SpectralImage reference = image::read_spectral_exr(options.reference).image;
-  const auto comparison =
-      image::compare(image, reference, {.mask = read_mask(options.mask), .exposure = options.exposure});
+  std::vector<std::uint8_t> mask = read_mask(options.mask, reference.width, reference.height);
+  std::optional<fitting::AffineRegistration> registration;
+  if (options.registered) {
+    RegisteredImage moved = register_on(image, reference, {.fixed_mask = mask});
+    mask = covered_mask(std::move(mask), moved.warped, reference);
+    image = std::move(moved.warped.image);
+    registration = moved.found;
+    print_registration(*registration);
+  }
+  const auto comparison = image::compare(image, reference, {.mask = mask, .exposure = options.exposure});
   print(comparison);
   if (!options.json.empty()) {
-    files::write_text_atomically(options.json, to_json(comparison, options, image.wavelength_nm).dump(2) + "\n");
+    nlohmann::json figures = to_json(comparison, options, image.wavelength_nm);
+    if (registration) figures["registration"] = registration_json(*registration);
+    files::write_text_atomically(options.json, figures.dump(2) + "\n");
   }
   if (!options.out.empty()) {
     const std::string command = fmt::format("interglow compare {} {}", options.image, options.reference);
@@ -116,6 +138,8 @@ void add_compare_command(CLI::App& app, Session& session, std::function<int()>& 
   command->add_option("reference", options->reference, "Spectral EXR with the same size and bands")->required();
   command->add_option("--mask", options->mask,
                       "Grey EXR; only pixels that are not 0 are compared [all that are not black]");
+  command->add_flag("--register", options->registered,
+                    "Align the image to the reference by an affine map before (docs/fitting.md)");
   command->add_option("--exposure", options->exposure,
                       "Factor from XYZ to the display's white [automatic, from the reference]");
   command->add_option("--out", options->out, "Folder for the maps (PNG and EXR) [none]");

@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "cli/commands.h"
+#include "cli/image_mask.h"
+#include "diagnostics/error.h"
+#include "files/atomic_file.h"
+#include "fitting/decomposition.h"
+#include "image/spectral_exr.h"
+#include "spectral/spectrum.h"
+#include "spectral/table_file.h"
+
+namespace interglow::cli {
+namespace {
+
+struct Options {
+  std::string image;
+  std::string spectra;
+  std::string mask;
+  std::filesystem::path out;
+  bool any_sign = false;
+};
+
+/// The columns of "table.csv:a,b,c" (all of them without a colon) as means over the image's bands.
+fitting::ComponentBasis read_basis(const std::string& text, const Eigen::VectorXd& wavelength_nm) {
+  const std::size_t colon = text.rfind(':');
+  const std::string path = text.substr(0, colon);
+  const spectral::NumericTable table = spectral::read_csv_table(path);
+  fitting::ComponentBasis basis;
+  basis.name = colon == std::string::npos ? table.column : CLI::detail::split(text.substr(colon + 1), ',');
+  basis.spectrum.resize(wavelength_nm.size(), static_cast<Eigen::Index>(basis.name.size()));
+  const auto grid = spectral::WavelengthGrid::from_centers(wavelength_nm);
+  for (std::size_t c = 0; c < basis.name.size(); ++c) {
+    const auto found = std::find(table.column.begin(), table.column.end(), basis.name[c]);
+    if (found == table.column.end()) {
+      throw InvalidInput(fmt::format("{}: no column \"{}\"; expected one of: {}.", path, basis.name[c],
+                                     fmt::join(table.column, ", ")));
+    }
+    const spectral::Spectrum spectrum{table.wavelength_nm, table.value.col(found - table.column.begin()),
+                                      path + ", column " + basis.name[c]};
+    basis.spectrum.col(static_cast<Eigen::Index>(c)) = spectral::band_means(spectrum, grid, spectral::Outside::kRefuse);
+  }
+  return basis;
+}
+
+image::ChannelImage shading_channels(const fitting::Decomposition& found) {
+  image::ChannelImage channels{.width = found.width,
+                               .height = found.height,
+                               .channel = found.name,
+                               .value = {},
+                               .attributes = {{"Software", "interglow " INTERGLOW_VERSION}},
+                               .numbers = {}};
+  channels.channel.push_back("relative_residual");
+  for (std::size_t p = 0; p < found.relative_residual.value.size(); ++p) {
+    for (const image::ScalarMap& map : found.shading) channels.value.push_back(map.value[p]);
+    channels.value.push_back(found.relative_residual.value[p]);
+  }
+  return channels;
+}
+
+int decompose(const Options& options) {
+  const image::SpectralImage image = image::read_spectral_exr(options.image).image;
+  const fitting::ComponentBasis basis = read_basis(options.spectra, image.wavelength_nm);
+  const std::vector<std::uint8_t> mask = read_mask(options.mask, image.width, image.height);
+  std::vector<int> object(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height), 0);
+  for (std::size_t p = 0; p < mask.size(); ++p) object[p] = mask[p] != 0 ? 0 : -1;
+  const fitting::Decomposition found = fitting::decompose(
+      image, object, {basis}, {.sign = options.any_sign ? fitting::Sign::kAny : fitting::Sign::kNonNegative});
+  const fitting::BasisQuality& quality = found.quality.front();
+  const nlohmann::json figures = {
+      {"image", options.image},
+      {"version", INTERGLOW_VERSION},
+      {"components", found.name},
+      {"pixels", found.pixels},
+      {"bounded_pixels", found.bounded},
+      {"relative_residual", found.total_relative_residual},
+      {"condition_number", quality.condition_number},
+      {"singular_values", std::vector<double>(quality.singular_value.begin(), quality.singular_value.end())},
+      {"sine_to_span_of_others", std::vector<double>(quality.sine.begin(), quality.sine.end())}};
+  image::write_exr_channels(options.out / "shading.exr", shading_channels(found));
+  files::write_text_atomically(options.out / "decomposition.json", figures.dump(2) + "\n");
+  fmt::print("{} pixels, relative residual {:.3g}, {} with a term held at 0; {}\n", found.pixels,
+             found.total_relative_residual, found.bounded, quality.sentence);
+  return kSuccess;
+}
+
+}  // namespace
+
+void add_decompose_command(CLI::App& app, Session& session, std::function<int()>& action) {
+  CLI::App* command = app.add_subcommand("decompose", "Writes every pixel as a sum of given spectra: shading terms");
+  auto options = std::make_shared<Options>();
+  command->add_option("image", options->image, "Spectral EXR")->required();
+  command->add_option("--spectra", options->spectra, "table.csv:a,b with up to 5 columns [all columns]")->required();
+  command->add_option("--mask", options->mask, "Grey EXR; only pixels that are not 0 are decomposed [all]");
+  command->add_flag("--any-sign", options->any_sign, "Plain least squares; negative terms are allowed");
+  command->add_option("--out", options->out, "Folder for shading.exr and decomposition.json")->required();
+  add_session_options(*command, session);
+  command->callback([options, &action] { action = [options] { return decompose(*options); }; });
+}
+
+}  // namespace interglow::cli
