@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "files/sha256.h"
+#include "mesh/subdivide.h"
 #include "scene/corner_normals.h"
 #include "spectral/donaldson_file.h"
 #include "spectral/spectrum_file.h"
@@ -145,6 +146,12 @@ class Builder {
       if (!described.smooth) object.patches.corner_normals.clear();
       if (described.smooth && object.patches.corner_normals.empty()) {
         object.patches.corner_normals = corner_normals(object.patches, described.feature_angle_deg);
+      }
+      if (described.subdivide_mm) {
+        object.patches =
+            at_place(described.place, [&] { return mesh::subdivide(object.patches, *described.subdivide_mm); });
+        remeshed[o].report.patches = static_cast<int>(object.patches.faces.size());
+        remeshed[o].report.edge_length_mm = *described.subdivide_mm;
       }
       if (object.patches.closed && object.sides == Sides::kTwo) {
         throw InvalidInput(described.place +

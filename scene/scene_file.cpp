@@ -165,6 +165,7 @@ ObjectDescription read_object(const std::string& name, KeyReader& keys, const Sc
   object.remesh = remesh.value_or(1) == 0 ? RemeshKind::kNone : RemeshKind::kAdaptive;
   object.patches = keys.find_integer("patches", 4, 10'000'000);
   object.edge_length_mm = keys.find_number("edge_length_mm", kPositive);
+  object.subdivide_mm = keys.find_number("subdivide_mm", kPositive);
   object.noise_mm = keys.find_number("noise_mm", kNotNegative);
   const auto feature_angle = keys.find_number("feature_angle_deg", Range{0.0, 180.0, true});
   object.feature_angle_deg = feature_angle.value_or(object.feature_angle_deg);
@@ -174,11 +175,16 @@ ObjectDescription read_object(const std::string& name, KeyReader& keys, const Sc
   keys.finish();
   if (object.patches && object.edge_length_mm)
     keys.fail("patches", "is given together with \"edge_length_mm\". Keep one of them.");
+  if (object.subdivide_mm && object.remesh != RemeshKind::kNone) {
+    keys.fail("subdivide_mm",
+              "cuts the triangles of the file as they are, which remesh = \"none\" asks for. Set that, or give "
+              "\"edge_length_mm\" instead.");
+  }
   if (object.remesh == RemeshKind::kNone) {
     if (object.patches || object.edge_length_mm) {
       keys.fail("remesh",
                 "is \"none\", which keeps the triangles of the file, but a patch count or edge length is given. Remove "
-                "one of them.");
+                "one of them, or give \"subdivide_mm\".");
     }
     // Given triangles are the surface itself unless smooth shading is asked for.
     if (keys.find("shading") == nullptr) object.smooth = false;

@@ -103,6 +103,26 @@ class SceneBuilder : public testing::Test {
   std::filesystem::path folder_;
 };
 
+// Triangles with legs 10 and hypotenuse 10 sqrt(2) mm: edges of at most 4 mm need n = ceil(14.142 / 4) = 4 parts.
+TEST_F(SceneBuilder, CutsGivenTrianglesIntoCongruentOnes) {
+  const BuiltScene whole = build();
+  const BuiltScene cut = build("remesh = \"none\"\nrotate", "remesh = \"none\"\nsubdivide_mm = 4\nrotate");
+  const mesh::PatchMesh& patches = cut.scene.objects[0].patches;
+  ASSERT_EQ(patches.faces.size(), 12U * 16U);
+  EXPECT_EQ(cut.objects[0].remesh.patches, 12 * 16);
+  EXPECT_TRUE(patches.closed);
+  EXPECT_TRUE(mesh::is_closed(patches));
+  for (std::size_t f = 0; f < patches.faces.size(); ++f) {
+    const Eigen::Vector3d area = mesh::vector_area(patches, patches.faces[f]);
+    const Eigen::Vector3d given =
+        mesh::vector_area(whole.scene.objects[0].patches, whole.scene.objects[0].patches.faces[f / 16]);
+    EXPECT_LT((area - given / 16).norm(), 1e-12) << "face " << f;
+  }
+  EXPECT_THAT(message("unit_mm = 10\nmaterial = \"ramp\"\nremesh = \"none\"",
+                      "unit_mm = 10\nmaterial = \"ramp\"\nremesh = \"none\"\nsubdivide_mm = 1e-4"),
+              testing::AllOf(HasSubstr("object.cube.mesh"), HasSubstr("Choose a longer edge")));
+}
+
 TEST_F(SceneBuilder, TransformsAndKeepsTheTriangles) {
   const BuiltScene built = build();
   ASSERT_EQ(built.scene.objects.size(), 2U);

@@ -61,6 +61,7 @@ close_contact_mm = 6
 mesh = "lamp.obj"
 material = "white"
 remesh = "none"
+subdivide_mm = 0.5
 
 [light.sun]
 kind = "directional"
@@ -190,6 +191,7 @@ TEST_F(SceneFile, ReadsEveryKey) {
   const Eigen::Vector3d moved = left.world_from_mesh * Eigen::Vector3d(1.0, 0.0, 0.0);
   EXPECT_LT((moved - Eigen::Vector3d(1.0, 4.0, 3.5)).norm(), 1e-14);
   EXPECT_EQ(scene.objects[1].remesh, RemeshKind::kNone);
+  EXPECT_EQ(scene.objects[1].subdivide_mm, 0.5);
   EXPECT_FALSE(scene.objects[1].smooth) << "given triangles are flat unless asked otherwise";
 
   ASSERT_EQ(scene.lights.size(), 3U);
@@ -385,6 +387,7 @@ TEST_F(SceneFile, ContradictionsAreNamed) {
   };
   refused_with("noise_mm = 0.02", "edge_length_mm = 1", "object.left.patches", "together with \"edge_length_mm\"");
   refused_with("remesh = \"none\"", "remesh = \"none\"\npatches = 100", "object.lamp.remesh", "keeps the triangles");
+  refused_with("remesh = \"adaptive\"", "subdivide_mm = 2", "object.left.subdivide_mm", "remesh = \"none\"");
   refused_with("rotate_deg = 90", "", "object.left.rotate_axis", "\"rotate_deg\"");
   refused_with("rotate_axis = [0, 0, 2]", "", "object.left.rotate_deg", "\"rotate_axis\"");
   refused_with("donaldson = \"matrix.csv\"", "donaldson = \"matrix.csv\"\nreflectance = 0.5", "material.glowing",
