@@ -10,10 +10,10 @@
 #include <string>
 
 #include "cli/commands.h"
-#include "cli/image_mask.h"
 #include "diagnostics/error.h"
 #include "files/atomic_file.h"
 #include "fitting/decomposition.h"
+#include "image/mask_file.h"
 #include "image/spectral_exr.h"
 #include "spectral/spectrum.h"
 #include "spectral/table_file.h"
@@ -69,7 +69,7 @@ image::ChannelImage shading_channels(const fitting::Decomposition& found) {
 int decompose(const Options& options) {
   const image::SpectralImage image = image::read_spectral_exr(options.image).image;
   const fitting::ComponentBasis basis = read_basis(options.spectra, image.wavelength_nm);
-  const std::vector<std::uint8_t> mask = read_mask(options.mask, image.width, image.height);
+  const std::vector<std::uint8_t> mask = image::read_mask(options.mask, image.width, image.height);
   std::vector<int> object(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height), 0);
   for (std::size_t p = 0; p < mask.size(); ++p) object[p] = mask[p] != 0 ? 0 : -1;
   const fitting::Decomposition found = fitting::decompose(

@@ -8,9 +8,9 @@
 #include <string>
 
 #include "cli/commands.h"
-#include "cli/image_mask.h"
 #include "cli/registration_report.h"
 #include "files/atomic_file.h"
+#include "image/mask_file.h"
 #include "image/spectral_exr.h"
 
 namespace interglow::cli {
@@ -28,7 +28,7 @@ struct Options {
 int register_images(Options options) {
   const image::SpectralImage image = image::read_spectral_exr(options.image).image;
   const image::SpectralImage reference = image::read_spectral_exr(options.reference).image;
-  options.params.fixed_mask = read_mask(options.mask, reference.width, reference.height);
+  options.params.fixed_mask = image::read_mask(options.mask, reference.width, reference.height);
   const RegisteredImage registered = register_on(image, reference, options.params);
   if (!options.out.empty()) {
     image::write_spectral_exr(

@@ -33,11 +33,11 @@ void require_exr(const fs::path& path) {
 }
 
 /// Refuses headers that promise far more than the file can hold, before anything is allocated for it.
-void require_plausible_size(const fs::path& path, const OIIO::ImageSpec& spec) {
+void require_plausible_size(const fs::path& path, const OIIO::ImageSpec& spec, double bytes_per_value) {
   // Deflate, the strongest of the compressions, shrinks constant data by at most 1032.
   constexpr double kLargestRatio = 1032.0;
   constexpr double kLargestBytes = 64e9;
-  const double bytes = 4.0 * spec.width * spec.height * spec.nchannels;
+  const double bytes = bytes_per_value * spec.width * spec.height * spec.nchannels;
   std::error_code error;
   const double held = static_cast<double>(fs::file_size(path, error));
   if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0 || spec.depth > 1 || spec.deep || error ||
@@ -76,7 +76,78 @@ void write_png(const fs::path& path, OIIO::ImageSpec spec, const void* value, co
   write(path, spec, value);
 }
 
+template <typename Number>
+void read_grey_values(OIIO::ImageInput& input, const fs::path& path, GreyImage& image) {
+  std::vector<Number> value(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
+  if (!input.read_image(0, 0, 0, 1, OIIO::BaseTypeFromC<Number>::value, value.data())) {
+    throw InvalidInput(
+        fmt::format("{}: the pixels cannot be read ({}); the file is damaged or cut off. Write it again.",
+                    path.string(), input.geterror()));
+  }
+  image.value.assign(value.begin(), value.end());
+}
+
 }  // namespace
+
+GreyImage read_grey_file(const fs::path& path) {
+  std::error_code error;
+  if (!fs::is_regular_file(path, error))
+    throw InvalidInput(path.string() + ": no such file; expected a TIFF or PNG of one channel.");
+  const std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path.string());
+  if (!input || (input->format_name() != std::string_view("tiff") && input->format_name() != std::string_view("png"))) {
+    const std::string reason = input ? fmt::format("it is {}", input->format_name()) : OIIO::geterror();
+    throw InvalidInput(fmt::format("{}: not a readable TIFF or PNG ({}). Write it again.", path.string(), reason));
+  }
+  const OIIO::ImageSpec spec = input->spec();
+  if (spec.nchannels != 1) {
+    throw InvalidInput(fmt::format("{}: {} channels; expected one. Write one grey picture a band, without alpha.",
+                                   path.string(), spec.nchannels));
+  }
+  const auto size = static_cast<int>(spec.format.size());
+  const int sample_bits = spec.get_int_attribute("oiio:BitsPerSample", 8 * size);
+  if (sample_bits != 8 * size) {
+    throw InvalidInput(
+        fmt::format("{}: samples packed to {} bits; expected 8, 16 or 32. Write 16 bits.", path.string(), sample_bits));
+  }
+  require_plausible_size(path, spec, size);
+  GreyImage image;
+  image.width = spec.width;
+  image.height = spec.height;
+  image.gamma = spec.get_float_attribute("oiio:Gamma", 1.0F);
+  switch (spec.format.basetype) {
+    case OIIO::TypeDesc::UINT8:
+      read_grey_values<std::uint8_t>(*input, path, image);
+      image.whole_bits = 8;
+      break;
+    case OIIO::TypeDesc::UINT16:
+      read_grey_values<std::uint16_t>(*input, path, image);
+      image.whole_bits = 16;
+      break;
+    case OIIO::TypeDesc::UINT32:
+      read_grey_values<std::uint32_t>(*input, path, image);
+      image.whole_bits = 32;
+      break;
+    case OIIO::TypeDesc::FLOAT:
+      read_grey_values<float>(*input, path, image);
+      break;
+    default:
+      throw InvalidInput(fmt::format("{}: values of type {}; expected whole numbers without sign or 32-bit floats.",
+                                     path.string(), spec.format.c_str()));
+  }
+  if (input->seek_subimage(1, 0))
+    throw InvalidInput(path.string() + ": more than one page; expected one. Write one file a band.");
+  return image;
+}
+
+void write_grey_words(const fs::path& path, int width, int height, const std::vector<std::uint16_t>& value) {
+  assert(value.size() == static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  if (path.extension() != ".png" && path.extension() != ".tif" && path.extension() != ".tiff")
+    throw InvalidParams(path.string() + ": expected a file name ending in .png, .tif or .tiff.");
+  OIIO::ImageSpec spec(width, height, 1, OIIO::TypeUInt16);
+  spec.attribute("oiio:ColorSpace", "Linear");
+  if (path.extension() != ".png") spec.attribute("compression", "zip");
+  write(path, spec, value.data());
+}
 
 ChannelImage read_exr_channels(const fs::path& path) {
   require_exr(path);
@@ -86,7 +157,7 @@ ChannelImage read_exr_channels(const fs::path& path) {
         fmt::format("{}: not a readable OpenEXR file ({}). Write it again.", path.string(), OIIO::geterror()));
   }
   const OIIO::ImageSpec& spec = input->spec();
-  require_plausible_size(path, spec);
+  require_plausible_size(path, spec, 4.0);
   ChannelImage image;
   image.width = spec.width;
   image.height = spec.height;
