@@ -22,7 +22,7 @@ namespace {
 
 constexpr int kDefaultSize_px = 128;
 /// Silhouettes and shadow edges are to be resolved better than the margin, whatever the scene asks for its picture.
-constexpr int kSamplesPerSide = 8;
+constexpr int kSamplesPerSide = 16;
 
 struct Options {
   std::filesystem::path scene, out, reference, standard_error;

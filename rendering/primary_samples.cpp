@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <span>
 
 namespace interglow::rendering {
@@ -23,6 +24,33 @@ constexpr double kNormalBend = 1e-3;
 // The same for depth, in pixel widths at that depth; a jump means a silhouette within one object.
 constexpr double kDepthBend = 1.0;
 constexpr int kDiskSamples = 4;  // per side, for beams with a source disk
+
+/// Points of a pixel's square for an area average: a rank-1 lattice, shifted and mirrored differently in every pixel.
+/// An upright or level edge is met at `count` different distances in all of them. The golden ratio between the two
+/// coordinates spreads the points evenly in boxes of any shape, as the corner of a bright surface needs it; the shifts
+/// keep the errors of a slanting edge from adding up along it.
+class PixelLattice {
+ public:
+  explicit PixelLattice(std::size_t count)
+      : count_(count), generator_(static_cast<std::size_t>(static_cast<double>(count) / std::numbers::phi)) {
+    while (std::gcd(generator_, count_) > 1) ++generator_;
+  }
+  std::size_t size() const { return count_; }
+
+  Vector2d at(std::size_t point, std::size_t pixel) const {
+    // Fibonacci hashing (Knuth): neighbouring pixels get shifts far apart.
+    const std::uint64_t hash = (static_cast<std::uint64_t>(pixel) + 1) * 0x9E3779B97F4A7C15ULL;
+    const std::size_t shift = (hash >> 32) % count_;
+    const bool mirrored = (hash >> 31 & 1U) != 0;
+    const std::size_t other = (point * generator_ + shift) % count_;
+    return {middle(point), middle(mirrored ? count_ - 1 - other : other)};
+  }
+
+ private:
+  double middle(std::size_t step) const { return (static_cast<double>(step) + 0.5) / static_cast<double>(count_); }
+
+  std::size_t count_, generator_;
+};
 
 /// A ray's hit with what is needed to compare it with its neighbours.
 struct Probe {
@@ -118,17 +146,7 @@ PrimarySamples primary_samples(const scene::Scene& scene, const CameraRays& came
   const auto height = static_cast<std::size_t>(camera.height);
   const std::size_t beams = tracer.beams();
   const auto n = static_cast<std::size_t>(samples_per_side);
-  // Rows of the lattice are sheared, so that an upright or level edge is met at n² different distances.
-  std::vector<Vector2d> lattice;
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t j = 0; j < n; ++j) {
-      const double a =
-          (static_cast<double>(i) + (static_cast<double>(j) + 0.5) / static_cast<double>(n)) / static_cast<double>(n);
-      const double b =
-          (static_cast<double>(j) + (static_cast<double>(i) + 0.5) / static_cast<double>(n)) / static_cast<double>(n);
-      lattice.emplace_back(a, b);
-    }
-  }
+  const PixelLattice lattice(n * n);
 
   std::vector<Probe> corner((width + 1) * (height + 1));
   std::vector<float> corner_beam(corner.size() * beams);
@@ -200,7 +218,8 @@ PrimarySamples primary_samples(const scene::Scene& scene, const CameraRays& came
         }
         count[row * width + column] = lattice.size();
         for (std::size_t s = 0; s < lattice.size(); ++s) {
-          divided_places[s] = Vector2d(static_cast<double>(column), static_cast<double>(row)) + lattice[s];
+          divided_places[s] =
+              Vector2d(static_cast<double>(column), static_cast<double>(row)) + lattice.at(s, row * width + column);
         }
         tracer.trace(divided_places, divided, divided_beam);
         for (const Probe& probe : divided) samples.push_back(probe.sample);

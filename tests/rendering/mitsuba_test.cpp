@@ -3,7 +3,10 @@
 /// noisy they are).
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <vector>
 
 #include "image/spectral_exr.h"
 #include "mesh/subdivide.h"
@@ -12,9 +15,12 @@
 #include "radiosity/solution.h"
 #include "radiosity/transport.h"
 #include "rendering/render.h"
+#include "scene/scene_builder.h"
 
 namespace interglow::rendering {
 namespace {
+
+using Eigen::Vector2d;
 
 const std::filesystem::path kData = std::filesystem::path(INTERGLOW_TEST_DATA) / "mitsuba";
 
@@ -27,6 +33,50 @@ RenderedImages solve_and_render(const scene::Scene& scene, std::optional<int> bo
   const radiosity::Solution solution =
       solve(transport, scene.materials, elements.material, direct, {.bounces = bounces, .tolerance = 1e-6});
   return render(scene, elements, solution, {.gather_tolerance = 3e-3});
+}
+
+/// The scene files beside the images say what camera.json says (which mitsuba_scene reads by itself).
+TEST(Mitsuba, SceneFilesSayTheSame) {
+  for (const char* name : {"half_cylinders", "v_groove_60", "cornell"}) {
+    SCOPED_TRACE(name);
+    const scene::Scene wanted = test::mitsuba_scene(kData / name, 1);
+    const scene::Scene built = scene::build_scene(scene::read_scene_file(kData / name / "scene.toml")).scene;
+    EXPECT_EQ(built.camera.position, wanted.camera.position);
+    EXPECT_EQ(built.camera.target, wanted.camera.target);
+    EXPECT_EQ(built.camera.up, wanted.camera.up);
+    EXPECT_DOUBLE_EQ(built.camera.horizontal_fov_deg, wanted.camera.horizontal_fov_deg);
+    EXPECT_EQ(built.camera.width, wanted.camera.width);
+    EXPECT_EQ(built.camera.height, wanted.camera.height);
+    ASSERT_EQ(built.directional_lights.size(), wanted.directional_lights.size());
+    for (std::size_t l = 0; l < wanted.directional_lights.size(); ++l) {
+      EXPECT_LT((built.directional_lights[l].direction - wanted.directional_lights[l].direction).norm(), 1e-12);
+      EXPECT_EQ(built.directional_lights[l].normal_irradiance, wanted.directional_lights[l].normal_irradiance);
+    }
+    ASSERT_EQ(built.objects.size(), wanted.objects.size());
+    for (const scene::Object& object : built.objects) {
+      SCOPED_TRACE(object.name);
+      const auto is_it = [&](const scene::Object& other) { return other.name == object.name; };
+      const auto other = std::find_if(wanted.objects.begin(), wanted.objects.end(), is_it);
+      ASSERT_NE(other, wanted.objects.end());
+      EXPECT_EQ(built.materials[static_cast<std::size_t>(object.material)].donaldson.reflectance,
+                wanted.materials[static_cast<std::size_t>(other->material)].donaldson.reflectance);
+      ASSERT_EQ(object.emits(), other->emits());
+      if (object.emits()) {
+        EXPECT_NEAR(object.exitance[0], other->exitance[0], 1e-12);
+      }
+      // The floor of the file lacks what lies under the boxes.
+      const auto hidden_mm2 = [](const std::vector<Vector2d>& quad) {
+        return 0.5 * std::abs((quad[2] - quad[0]).x() * (quad[3] - quad[1]).y() -
+                              (quad[2] - quad[0]).y() * (quad[3] - quad[1]).x());
+      };
+      const bool around_boxes = object.name == "floor";
+      const double under_boxes = around_boxes ? hidden_mm2({{290, 114}, {240, 272}, {82, 225}, {130, 65}}) +
+                                                    hidden_mm2({{423, 247}, {472, 406}, {314, 456}, {265, 296}})
+                                              : 0.0;
+      const double area = mesh::total_area(other->patches);
+      EXPECT_NEAR(mesh::total_area(object.patches), area - under_boxes, 1e-9 * area);
+    }
+  }
 }
 
 class HalfCylinders : public testing::TestWithParam<std::pair<const char*, std::optional<int>>> {};

@@ -81,7 +81,7 @@ TEST(Render, LevelPlaneUnderABeamIsLambertian) {
 }
 
 TEST(Render, EdgesAreAreaAverages) {
-  // The square covers x < x0 of the image plane; the pixel that it ends in shows the covered share. A sheared lattice
+  // The square covers x < x0 of the image plane; the pixel that it ends in shows the covered share. A rank-1 lattice
   // of n² points meets an upright edge to 1 / (2 n²).
   for (const double x0 : {0.3, 1.234, -2.07}) {
     scene::Scene scene = empty_scene();
@@ -100,6 +100,22 @@ TEST(Render, EdgesAreAreaAverages) {
                     ? 0
                     : (share < 0.45 && share == 0.0 ? -1 : images.object[10 * 32 + static_cast<std::size_t>(column)]));
     }
+  }
+}
+
+TEST(Render, CornersAreAreaAverages) {
+  // One corner of the square ends in pixel (10, 17), of which it covers u × v. A rank-1 lattice of N points errs by
+  // O(log N / N) on boxes: log2(64) / 2 points of 64 here, where a grid of 8 x 8 errs by up to 8 and one with sheared rows by 4.
+  const double pixel_mm = 2 * 100 * std::tan(5 * kPi / 180) / 32;
+  for (const auto& [u, v] : {std::pair{0.67, 0.065}, {0.31, 0.425}, {0.433, 0.433}, {0.433, 0.543}, {0.1, 0.9}}) {
+    scene::Scene scene = empty_scene();
+    const double x = (17 + u - 16) * pixel_mm;
+    const double y = (12 - (10 + 1 - v)) * pixel_mm;
+    scene.objects = {object(test::quad({-50, -50, 0}, {x, -50, 0}, {x, y, 0}, {-50, y, 0}))};
+    scene.directional_lights = {beam({0, 0, -1})};
+    const radiosity::Elements elements = radiosity::make_elements(scene);
+    const RenderedImages images = render(scene, elements, direct_only(elements), {.samples_per_side = 8});
+    EXPECT_NEAR(images.coverage[10 * 32 + 17], u * v, 3.0 / 64) << u << " " << v;
   }
 }
 

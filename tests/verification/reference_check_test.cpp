@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Both methods against a picture of another renderer (tests/data/mitsuba/README.md), through the same steps as
+// `interglow cross-check --reference`.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "scene/scene_builder.h"
+#include "verification/check_scene.h"
+#include "verification/cross_check_run.h"
+#include "verification/reference_image.h"
+
+namespace interglow::verification {
+namespace {
+
+using cross_check::RegionResult;
+using cross_check::Verdict;
+
+const std::filesystem::path kGroove = std::filesystem::path(INTERGLOW_TEST_DATA) / "mitsuba" / "v_groove_60";
+constexpr int kSide_px = 64;
+
+scene::Scene groove() {
+  scene::SceneDescription description = scene::read_scene_file(kGroove / "scene.toml");
+  for (scene::ObjectDescription& object : description.objects) object.subdivide_mm = 5.0;
+  return check_scene(scene::build_scene(description).scene, kSide_px);
+}
+
+ReferenceImage reference(int side_px) {
+  return read_reference(kGroove / "ref_path.exr", kGroove / "ref_path_stderr.exr", side_px);
+}
+
+CrossCheckParams params_with(int tiles_per_side) {
+  CrossCheckParams params;
+  params.agreement.tiles_per_side = tiles_per_side;
+  params.radiosity.transport = {.tolerance = 1e-4, .occlusion = false};
+  params.radiosity.render.samples_per_side = 16;
+  params.time_limit_s = 1e6;  // samples are added until all is decided
+  return params;
+}
+
+std::string listed(const CrossCheck& check) {
+  std::string text;
+  for (const RegionResult& region : check.agreement.regions) {
+    text += region.region + ": " + std::to_string(region.relative_difference) + " +- " +
+            std::to_string(region.standard_error) + ", " + name(region.verdict) + "\n";
+  }
+  return text;
+}
+
+TEST(ReferenceCheck, RadiosityAgreesByTile) {
+  const CrossCheck check = cross_check_reference(groove(), reference(kSide_px), Method::kRadiosity, params_with(4));
+  EXPECT_EQ(check.verdict, Verdict::kAgrees) << listed(check);
+  EXPECT_EQ(check.agreement.regions.size(), 17U);
+  EXPECT_TRUE(check.discretisation_note.empty()) << check.discretisation_note;
+}
+
+// z of a pixel has Student's distribution; over 2,000 pixels and more its root mean square is within 8 % of its
+// expected value except with probability 1e-6 (normal: 1 ± 4.9 / sqrt(2 n) = 1 ± 0.077).
+TEST(ReferenceCheck, PathTracerAgreesAndDiffersByNoiseAlone) {
+  const CrossCheck check = cross_check_reference(groove(), reference(kSide_px), Method::kPathTracer, params_with(2));
+  EXPECT_EQ(check.verdict, Verdict::kAgrees) << listed(check);
+  EXPECT_FALSE(check.agreement.difference_detected) << listed(check);
+  EXPECT_GT(check.diagnosis.judged_pixels, 2000);
+  EXPECT_NEAR(check.diagnosis.z_rms, 1.0, 0.08);
+}
+
+// Interreflection amplifies 1 % of reflectance, so the whole picture differs by more than the margin, whatever the
+// patches.
+TEST(ReferenceCheck, AReflectanceOffByOnePercentIsFound) {
+  scene::Scene scene = groove();
+  for (spectral::Material& material : scene.materials) material.donaldson.reflectance *= 0.99;
+  CrossCheckParams params = params_with(1);
+  params.most_halved_patches = 0;
+  const CrossCheck check = cross_check_reference(scene, reference(kSide_px), Method::kRadiosity, params);
+  EXPECT_EQ(check.verdict, Verdict::kDisagrees) << listed(check);
+}
+
+TEST(ReferenceCheck, NoVerdictWithoutTheReferencesError) {
+  ReferenceImage without_error = reference(32);
+  without_error.standard_error.reset();
+  const CrossCheck check =
+      cross_check_reference(check_scene(groove(), 32), without_error, Method::kPathTracer, params_with(1));
+  EXPECT_EQ(check.verdict, Verdict::kUndecided);
+}
+
+}  // namespace
+}  // namespace interglow::verification
