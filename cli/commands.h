@@ -13,6 +13,7 @@ void add_run_command(CLI::App& app, Session& session, std::function<int()>& acti
 void add_inspect_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_compare_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_cross_check_command(CLI::App& app, Session& session, std::function<int()>& action);
+void add_capture_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_register_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_decompose_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_simulate_scan_command(CLI::App& app, Session& session, std::function<int()>& action);

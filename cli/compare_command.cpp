@@ -13,12 +13,12 @@
 
 #include "cli/commands.h"
 #include "cli/registration_report.h"
+#include "cli/spectral_input.h"
 #include "diagnostics/error.h"
 #include "files/atomic_file.h"
 #include "image/comparison_files.h"
 #include "image/image_metrics.h"
 #include "image/mask_file.h"
-#include "image/spectral_exr.h"
 
 namespace interglow::cli {
 namespace {
@@ -101,8 +101,8 @@ std::vector<std::uint8_t> covered_mask(std::vector<std::uint8_t> mask, const fit
 }
 
 int compare(const Options& options) {
-  image::SpectralImage image = image::read_spectral_exr(options.image).image;
-  const image::SpectralImage reference = image::read_spectral_exr(options.reference).image;
+  image::SpectralImage image = read_spectral_input(options.image).image;
+  const image::SpectralImage reference = read_spectral_input(options.reference).image;
   std::vector<std::uint8_t> mask = image::read_mask(options.mask, reference.width, reference.height);
   std::optional<fitting::AffineRegistration> registration;
   if (options.registered) {

@@ -10,11 +10,11 @@
 #include <string>
 
 #include "cli/commands.h"
+#include "cli/spectral_input.h"
 #include "diagnostics/error.h"
 #include "files/atomic_file.h"
 #include "fitting/decomposition.h"
-#include "image/mask_file.h"
-#include "image/spectral_exr.h"
+#include "image/channel_file.h"
 #include "spectral/spectrum.h"
 #include "spectral/table_file.h"
 
@@ -67,11 +67,12 @@ image::ChannelImage shading_channels(const fitting::Decomposition& found) {
 }
 
 int decompose(const Options& options) {
-  const image::SpectralImage image = image::read_spectral_exr(options.image).image;
+  SpectralInput input = read_spectral_input(options.image);
+  apply_mask(input, options.mask);
+  const image::SpectralImage& image = input.image;
   const fitting::ComponentBasis basis = read_basis(options.spectra, image.wavelength_nm);
-  const std::vector<std::uint8_t> mask = image::read_mask(options.mask, image.width, image.height);
-  std::vector<int> object(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height), 0);
-  for (std::size_t p = 0; p < mask.size(); ++p) object[p] = mask[p] != 0 ? 0 : -1;
+  std::vector<int> object;
+  for (const std::uint8_t use : input.use) object.push_back(use != 0 ? 0 : -1);
   const fitting::Decomposition found = fitting::decompose(
       image, object, {basis}, {.sign = options.any_sign ? fitting::Sign::kAny : fitting::Sign::kNonNegative});
   const fitting::BasisQuality& quality = found.quality.front();
@@ -97,9 +98,10 @@ int decompose(const Options& options) {
 void add_decompose_command(CLI::App& app, Session& session, std::function<int()>& action) {
   CLI::App* command = app.add_subcommand("decompose", "Writes every pixel as a sum of given spectra: shading terms");
   auto options = std::make_shared<Options>();
-  command->add_option("image", options->image, "Spectral EXR")->required();
+  command->add_option("image", options->image, "Spectral image of any format, or a capture")->required();
   command->add_option("--spectra", options->spectra, "table.csv:a,b with up to 5 columns [all columns]")->required();
-  command->add_option("--mask", options->mask, "Grey EXR; only pixels that are not 0 are decomposed [all]");
+  command->add_option("--mask", options->mask,
+                      "Grey EXR, PNG or TIFF; only pixels that are not 0 are decomposed [all]");
   command->add_flag("--any-sign", options->any_sign, "Plain least squares; negative terms are allowed");
   command->add_option("--out", options->out, "Folder for shading.exr and decomposition.json")->required();
   add_session_options(*command, session);

@@ -9,8 +9,8 @@
 
 #include "cli/commands.h"
 #include "cli/registration_report.h"
+#include "cli/spectral_input.h"
 #include "files/atomic_file.h"
-#include "image/mask_file.h"
 #include "image/spectral_exr.h"
 
 namespace interglow::cli {
@@ -26,9 +26,11 @@ struct Options {
 };
 
 int register_images(Options options) {
-  const image::SpectralImage image = image::read_spectral_exr(options.image).image;
-  const image::SpectralImage reference = image::read_spectral_exr(options.reference).image;
-  options.params.fixed_mask = image::read_mask(options.mask, reference.width, reference.height);
+  const image::SpectralImage image = read_spectral_input(options.image).image;
+  SpectralInput input = read_spectral_input(options.reference);
+  apply_mask(input, options.mask);
+  const image::SpectralImage& reference = input.image;
+  options.params.fixed_mask = input.use;
   const RegisteredImage registered = register_on(image, reference, options.params);
   if (!options.out.empty()) {
     image::write_spectral_exr(
@@ -49,10 +51,11 @@ void add_register_command(CLI::App& app, Session& session, std::function<int()>&
   CLI::App* command =
       app.add_subcommand("register", "Aligns an image to a reference by an affine map and resamples it there");
   auto options = std::make_shared<Options>();
-  command->add_option("image", options->image, "Spectral EXR that is moved")->required();
-  command->add_option("reference", options->reference, "Spectral EXR that stays")->required();
+  command->add_option("image", options->image, "Spectral image of any format, or capture, that is moved")->required();
+  command->add_option("reference", options->reference, "The one that stays")->required();
   command->add_option("--out", options->out, "Spectral EXR for the resampled image, 0 where it has no value [none]");
-  command->add_option("--mask", options->mask, "Grey EXR; only pixels of the reference that are not 0 count [all]");
+  command->add_option("--mask", options->mask,
+                      "Grey EXR, PNG or TIFF; only pixels of the reference that are not 0 count [all]");
   command->add_option("--json", options->json, "File for the map, its covariance and all figures [none]");
   command->add_option("--spline-order", options->params.spline_order, "3 or 5")->capture_default_str();
   command->add_option("--prefilter", options->params.prefilter_sigma_px, "Blur before the last level [px]")

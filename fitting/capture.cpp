@@ -106,7 +106,46 @@ std::vector<double> median_white(const std::vector<double>& signal, std::size_t 
   return median;
 }
 
+/// Sums over all values of the frames: mean, and variance of repetitions.
+struct Repetitions {
+  double mean = 0.0;
+  double variance = 0.0;
+};
+
+Repetitions repetitions_of(const std::vector<image::SpectralImage>& frames) {
+  Repetitions sums;
+  double values = 0.0;
+  for (std::size_t v = 0; v < frames.front().value.size(); ++v) {
+    double mean = 0.0, squares = 0.0;
+    for (const image::SpectralImage& frame : frames) mean += frame.value[v];
+    mean /= static_cast<double>(frames.size());
+    if (!std::isfinite(mean)) continue;
+    for (const image::SpectralImage& frame : frames) squares += (frame.value[v] - mean) * (frame.value[v] - mean);
+    sums.mean += mean;
+    sums.variance += squares / static_cast<double>(frames.size() - 1);
+    values += 1.0;
+  }
+  return values > 0.0 ? Repetitions{sums.mean / values, sums.variance / values} : Repetitions{};
+}
+
 }  // namespace
+
+SensorNoise estimate_noise(const CaptureFrames& frames, double quantisation_step) {
+  for (const auto& frame : frames.dark) require_same_grid(frame, "dark frame", frames.dark.front());
+  for (const auto& frame : frames.white) require_same_grid(frame, "white frame", frames.dark.front());
+  const Repetitions dark = repetitions_of(frames.dark);
+  const Repetitions white = repetitions_of(frames.white);
+  if (!(white.mean > dark.mean)) {
+    throw InvalidInput(
+        fmt::format("The white frames have a mean of {:.4g} counts, the dark ones {:.4g}; expected more light in the "
+                    "white ones. Are they swapped?",
+                    white.mean, dark.mean));
+  }
+  const double rounding = quantisation_step * quantisation_step / 12.0;
+  return {.read_sigma = std::sqrt(std::max(dark.variance - rounding, 0.0)),
+          .shot_gain = std::max(white.variance - dark.variance, 0.0) / (white.mean - dark.mean),
+          .quantisation_step = quantisation_step};
+}
 
 double SensorNoise::variance(double signal) const {
   const double response = relative_sigma * signal;

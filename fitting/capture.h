@@ -21,7 +21,8 @@ struct SensorNoise {
   double relative_sigma = 0.0;     ///< pixel response non-uniformity that no white frame took out [1]; at least 0
 
   double variance(double signal) const;  ///< [counts²]
-  bool known() const { return read_sigma > 0.0 || shot_gain > 0.0 || quantisation_step > 0.0 || relative_sigma > 0.0; }
+  /// Quantisation alone is not what a sensor's noise is.
+  bool known() const { return read_sigma > 0.0 || shot_gain > 0.0 || relative_sigma > 0.0; }
 };
 
 /// Raw frames of one camera setting. All have the size and the bands of `object`.
@@ -51,6 +52,13 @@ struct CaptureParams {
   /// reach there. In [0, 1).
   double least_white = 0.05;
 };
+
+/// Photon transfer: read_sigma² + step² / 12 is the mean variance of a pixel over the dark frames; shot_gain is what
+/// the variance over the white frames has beyond it, over their mean signal. Differences between pixels drop out; a
+/// lamp that flickers between white frames counts as shot noise. Pixels that are not finite in some frame are left out.
+/// @pre 2 or more dark and 2 or more white frames of one size
+/// @throws InvalidInput if the white frames are no brighter than the dark ones
+SensorNoise estimate_noise(const CaptureFrames& frames, double quantisation_step);
 
 /// Throws InvalidParams, naming field, value and range. `bands`: of the object frame.
 void validate(const CaptureParams& params, int bands);

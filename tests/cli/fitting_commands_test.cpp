@@ -11,6 +11,9 @@
 #include <string>
 
 #include "image/channel_file.h"
+#include "image/envi.h"
+#include "image/mask_file.h"
+#include "image/mat_file.h"
 #include "image/spectral_exr.h"
 #include "program.h"
 
@@ -115,6 +118,39 @@ TEST_F(FittingCommands, DecomposeWritesShadingTerms) {
   EXPECT_EQ(figures["pixels"], 2);
   // cos φ = (1·2) / (√2 √5)
   EXPECT_NEAR(figures["sine_to_span_of_others"][0], std::sqrt(1 - 4.0 / 10.0), 1e-12);
+}
+
+TEST_F(FittingCommands, CapturesAreCorrectedConvertedAndDecomposed) {
+  std::ofstream(file("spectra.csv")) << "wavelength,a,b\n500,1,2\n600,1,0\n700,0,1\n";
+  // Above a dark level of 100: 30 a + 40 b, 50 a, and a pixel at full scale.
+  image::write_envi(file("scan.img"),
+                    {3, 1, Eigen::Vector3d(500, 600, 700), {210, 130, 140, 150, 150, 100, 1023, 100, 100}},
+                    {.type = image::EnviType::kUint16});
+  std::ofstream(file("capture.toml")) << "object = \"scan.hdr\"\nbits = 10\ndark_level = 100\n"
+                                         "saturation_margin_px = 0\n[noise]\nread_sigma = 2\nshot_gain = 0.5\n";
+  const ProgramRun shown = run_program("capture " + file("capture.toml") + " --out " + file("corrected.mat") +
+                                       " --use " + file("use.png") + " 2>&1");
+  ASSERT_EQ(shown.status, 0) << shown.output;
+  EXPECT_THAT(shown.output, AllOf(HasSubstr("3 × 1 pixels, 3 bands from 500 to 700 nm"),
+                                  HasSubstr("pixels used: 2 (66.7 %); masked 0, saturated 1, invalid 0")));
+  EXPECT_EQ(image::read_mat(file("corrected.mat")).image.value,
+            (std::vector<float>{110, 30, 40, 50, 50, 0, 923, 0, 0}));
+  EXPECT_EQ(image::read_mask(file("use.png"), 3, 1), (std::vector<std::uint8_t>{1, 1, 0}));
+  const ProgramRun run = run_program("decompose " + file("capture.toml") + " --spectra " + file("spectra.csv") +
+                                     " --out " + file("out") + " 2>&1");
+  ASSERT_EQ(run.status, 0) << run.output;
+  const image::ChannelImage shading = image::read_exr_channels(file("out/shading.exr"));
+  const auto at = [&](const std::string& name, std::size_t pixel) {
+    const auto found = std::find(shading.channel.begin(), shading.channel.end(), name);
+    return shading.value[pixel * shading.channel.size() + static_cast<std::size_t>(found - shading.channel.begin())];
+  };
+  EXPECT_NEAR(at("a", 0), 30, 1e-4);
+  EXPECT_NEAR(at("b", 0), 40, 1e-4);
+  EXPECT_NEAR(at("a", 1), 50, 1e-4);
+  EXPECT_TRUE(std::isnan(at("a", 2)));
+  const ProgramRun wrong = run_program("capture " + file("scan.hdr") + " 2>&1");
+  EXPECT_EQ(wrong.status, 2);
+  EXPECT_THAT(wrong.output, HasSubstr("whole numbers up to 1023 in 16 bits"));
 }
 
 TEST_F(FittingCommands, DecomposeNamesWhatItCannotUse) {
