@@ -14,51 +14,65 @@ namespace {
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__) && \
     !defined(__SANITIZE_THREAD__)
-#define INTERGLOW_CLONES __attribute__((target_clones("avx512f", "avx2,fma", "default")))
+#define INTERGLOW_CLONES __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
 #define INTERGLOW_CLONES
 #endif
 
+constexpr int kLanes = 8;  ///< of a vector: one AVX-512 register, two of AVX2, four of SSE2
+using Lanes = double __attribute__((vector_size(kLanes * sizeof(double))));
+
 /// Y += T X for a tile of `rows` x `inner` values at the given strides; X and Y row-major with `columns` columns.
-/// Every element of Y is summed in order of the inner index, whatever the instruction set's width.
-INTERGLOW_CLONES void add_product(const double* tile, std::ptrdiff_t row_stride, std::ptrdiff_t inner_stride, int rows,
-                                  int inner, const double* x, double* y, std::ptrdiff_t columns) {
-  constexpr int kWide = 16;
-  std::ptrdiff_t c = 0;
-  for (; c + kWide <= columns; c += kWide) {
-    int r = 0;
-    for (; r + 4 <= rows; r += 4) {
-      double sum[4][kWide];
-      for (int k = 0; k < 4; ++k) {
-        for (int l = 0; l < kWide; ++l) sum[k][l] = y[(r + k) * columns + c + l];
+/// Four rows and sixteen columns at a time stay in registers; every element of Y is summed in order of the inner index.
+INTERGLOW_CLONES void add_product(const double* __restrict tile, std::ptrdiff_t row_stride, std::ptrdiff_t inner_stride,
+                                  int rows, int inner, const double* __restrict x, double* __restrict y,
+                                  std::ptrdiff_t columns) {
+  constexpr int kTogether = 4;
+  int r = 0;
+  for (; r + kTogether <= rows; r += kTogether) {
+    const double* t = tile + r * row_stride;
+    std::ptrdiff_t c = 0;
+    for (; c + 2 * kLanes <= columns; c += 2 * kLanes) {
+      Lanes sum[kTogether][2];
+      for (int k = 0; k < kTogether; ++k) {
+        std::memcpy(&sum[k], y + (r + k) * columns + c, sizeof(sum[k]));
       }
-      const double* t = tile + r * row_stride;
       for (int j = 0; j < inner; ++j) {
-        const double* from = x + j * columns + c;
-        for (int k = 0; k < 4; ++k) {
+        Lanes from[2];
+        std::memcpy(&from, x + j * columns + c, sizeof(from));
+        for (int k = 0; k < kTogether; ++k) {
           const double factor = t[k * row_stride + j * inner_stride];
-          for (int l = 0; l < kWide; ++l) sum[k][l] += factor * from[l];
+          sum[k][0] += factor * from[0];
+          sum[k][1] += factor * from[1];
         }
       }
-      for (int k = 0; k < 4; ++k) {
-        for (int l = 0; l < kWide; ++l) y[(r + k) * columns + c + l] = sum[k][l];
+      for (int k = 0; k < kTogether; ++k) {
+        std::memcpy(y + (r + k) * columns + c, &sum[k], sizeof(sum[k]));
       }
     }
-    for (; r < rows; ++r) {
-      double sum[kWide];
-      for (int l = 0; l < kWide; ++l) sum[l] = y[r * columns + c + l];
+    for (; c + kLanes <= columns; c += kLanes) {
+      Lanes sum[kTogether];
+      for (int k = 0; k < kTogether; ++k) std::memcpy(&sum[k], y + (r + k) * columns + c, sizeof(Lanes));
       for (int j = 0; j < inner; ++j) {
-        const double factor = tile[r * row_stride + j * inner_stride];
-        const double* from = x + j * columns + c;
-        for (int l = 0; l < kWide; ++l) sum[l] += factor * from[l];
+        Lanes from;
+        std::memcpy(&from, x + j * columns + c, sizeof(Lanes));
+        for (int k = 0; k < kTogether; ++k) sum[k] += t[k * row_stride + j * inner_stride] * from;
       }
-      for (int l = 0; l < kWide; ++l) y[r * columns + c + l] = sum[l];
+      for (int k = 0; k < kTogether; ++k) std::memcpy(y + (r + k) * columns + c, &sum[k], sizeof(Lanes));
+    }
+    for (; c < columns; ++c) {
+      double sum[kTogether] = {};
+      for (int j = 0; j < inner; ++j) {
+        const double from = x[j * columns + c];
+        for (int k = 0; k < kTogether; ++k) sum[k] += t[k * row_stride + j * inner_stride] * from;
+      }
+      for (int k = 0; k < kTogether; ++k) y[(r + k) * columns + c] += sum[k];
     }
   }
-  for (int r = 0; r < rows && c < columns; ++r) {
+  for (; r < rows; ++r) {
     for (int j = 0; j < inner; ++j) {
       const double factor = tile[r * row_stride + j * inner_stride];
-      for (std::ptrdiff_t l = c; l < columns; ++l) y[r * columns + l] += factor * x[j * columns + l];
+      for (std::ptrdiff_t c = 0; c < columns; ++c) y[r * columns + c] += factor * x[j * columns + c];
     }
   }
 }
@@ -92,13 +106,14 @@ TileMatrix::TileMatrix(std::vector<int> order, std::vector<int> cluster_first, s
 }
 
 RowMatrix TileMatrix::multiply(const RowMatrix& x) const {
-  const Eigen::Index columns = x.cols();
-  RowMatrix sorted(x.rows(), columns);
-  RowMatrix y(x.rows(), columns);
-  if (columns == 0 || x.rows() == 0) return y;
-  const auto row_bytes = static_cast<std::size_t>(columns) * sizeof(double);
+  RowMatrix y(x.rows(), x.cols());
+  if (x.cols() == 0 || x.rows() == 0) return y;
+  // Whole vectors: rows are filled up with zeros, unless that would be most of the work.
+  const Eigen::Index columns = x.cols() < kLanes / 2 ? x.cols() : (x.cols() + kLanes - 1) / kLanes * kLanes;
+  RowMatrix sorted = RowMatrix::Zero(x.rows(), columns);
+  const auto row_bytes = static_cast<std::size_t>(x.cols()) * sizeof(double);
   for (std::size_t p = 0; p < order_.size(); ++p) {
-    std::memcpy(sorted.data() + static_cast<Eigen::Index>(p) * columns, x.data() + order_[p] * columns, row_bytes);
+    std::memcpy(sorted.data() + static_cast<Eigen::Index>(p) * columns, x.data() + order_[p] * x.cols(), row_bytes);
   }
   const auto clusters = static_cast<int>(cluster_first_.size()) - 1;
   tbb::parallel_for(tbb::blocked_range<int>(0, clusters), [&](const tbb::blocked_range<int>& range) {
@@ -117,7 +132,7 @@ RowMatrix TileMatrix::multiply(const RowMatrix& x) const {
       }
       for (int r = 0; r < rows; ++r) {
         const int element = order_[static_cast<std::size_t>(cluster_first_[static_cast<std::size_t>(c)] + r)];
-        std::memcpy(y.data() + element * columns, sum.data() + r * columns, row_bytes);
+        std::memcpy(y.data() + element * x.cols(), sum.data() + r * columns, row_bytes);
       }
     }
   });

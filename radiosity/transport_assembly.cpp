@@ -44,6 +44,9 @@ constexpr std::size_t kMostClipped = 12;
 constexpr std::size_t kMostHandedDown = 64;
 /// Lines between two clusters, one of them black, that must all be blocked for the pair to be dropped.
 constexpr int kClusterLines = 256;
+/// Lines of a sampled pair that one line does not settle.
+constexpr int kFewestLines = 4;
+constexpr int kMostLines = 4096;
 
 struct Problem {
   const Elements& elements;
@@ -136,6 +139,26 @@ class Descent {
     int column;
     int first_candidate;
     int candidates;
+  };
+
+  /// A pair whose visible share is estimated by lines.
+  struct SampledPair {
+    int i;
+    int j;
+    double exchange;
+    double tolerance;
+    int at = 0;  ///< place in the tile
+    int lines = 0;
+    double whole = 0.0;
+    double seen = 0.0;
+    ShadowResult result{};
+  };
+
+  /// The line that every pair of a sampled tile gets: the first that carries something.
+  struct FirstLine {
+    int number = 0;
+    double weight = 0.0;
+    bool blocked = false;
   };
 
   const Cluster& cluster(int node) const { return problem_.tree.cluster(node); }
@@ -282,6 +305,15 @@ class Descent {
     return true;
   }
 
+  /// Error of a sampled exchange area that its rows can bear [mm²]. With e² = ε² (1/N + F) / 2 for an entry F the
+  /// squares of a row, whose entries sum to at most 1, sum to ε²; the variance of n lines falls as F² / n, so that
+  /// entries get lines in proportion to their size, which is the fewest lines for a given error of the row.
+  double sampling_tolerance(int i, int j, double exchange) const {
+    const double smaller = std::min(problem_.elements.area_mm2[i], problem_.elements.area_mm2[j]);
+    return smaller * std::sqrt(0.5 * (problem_.entry_tolerance * problem_.entry_tolerance +
+                                      problem_.params.tolerance * problem_.params.tolerance * exchange / smaller));
+  }
+
   /// Exchange areas of the marked pairs of a tile, row by row; then what blockers leave of them.
   void fill() {
     results_.assign(static_cast<std::size_t>(rows_ * columns_), FormFactor{});
@@ -308,10 +340,7 @@ class Descent {
         results_[static_cast<std::size_t>(r * columns_ + columns_of_others_[k])] = row_results_[k];
       }
     }
-    if (sampled_) sample_pairs();
-    if (in_doubt_ > 0.0) {
-      for (FormFactor& exchange : results_) exchange.error_estimate += in_doubt_ * exchange.value;
-    }
+    sample_pairs();
     for (const Shadowed& pair : shadowed_) {
       FormFactor& exchange = results_[static_cast<std::size_t>(pair.row * columns_ + pair.column)];
       if (exchange.value > 0.0) shadow(pair, exchange);
@@ -342,15 +371,22 @@ class Descent {
           &problem_.blockers
                .body[static_cast<std::size_t>(candidate_pool_[static_cast<std::size_t>(pair.first_candidate + k)])]);
     }
-    const double tolerance = 0.5 * problem_.entry_tolerance *
-                             std::min(problem_.elements.area_mm2[outer], problem_.elements.area_mm2[source]);
+    const double bearable = sampling_tolerance(outer, source, exchange.value);
     ShadowResult result;
-    if (bodies_.size() > kMostClipped) {
-      result = sample(outer, source, exchange.value, tolerance);
-    } else {
-      if (better_outer(source, outer)) std::swap(outer, source);
-      result =
-          cells_.integrate(problem_.tree.polygon(outer), problem_.tree.polygon(source), bodies_, tolerance, flat());
+    if (bodies_.size() <= kMostClipped) {
+      const double tolerance = 0.5 * problem_.entry_tolerance *
+                               std::min(problem_.elements.area_mm2[outer], problem_.elements.area_mm2[source]);
+      const bool swap = better_outer(source, outer);
+      result = cells_.integrate(problem_.tree.polygon(swap ? source : outer),
+                                problem_.tree.polygon(swap ? outer : source), bodies_, tolerance, flat());
+    }
+    // Patches that touch, with blockers in the gap: the cells give up before lines do.
+    if (bodies_.size() > kMostClipped ||
+        result.error_estimate > std::max(bearable, exchange.value / static_cast<double>(kMostLines))) {
+      sampled_pairs_.assign(1, {outer, source, exchange.value, bearable});
+      sample();
+      const ShadowResult& sampled = sampled_pairs_[0].result;
+      if (bodies_.size() > kMostClipped || sampled.error_estimate < result.error_estimate) result = sampled;
     }
     take_away(result, exchange);
   }
@@ -370,7 +406,8 @@ class Descent {
   bool hidden_by_lines(int a, int b);
   bool sample_tile();
   void sample_pairs();
-  ShadowResult sample(int i, int j, double exchange, double tolerance);
+  void sample();
+  static bool settle(SampledPair& pair);
   bool add_segment(int i, int j, int number);
   void take_away(const ShadowResult& result, FormFactor& exchange);
 
@@ -506,6 +543,11 @@ class Descent {
   std::vector<Segment> segments_;
   std::vector<char> segment_blocked_;
   std::vector<double> weights_;
+  std::vector<SampledPair> sampled_pairs_;
+  std::vector<int> active_;
+  std::vector<FirstLine> first_lines_;
+  std::vector<std::size_t> places_;
+  std::vector<std::size_t> ends_;
   std::vector<double> values_, squared_error_a_, squared_error_b_;
   int row_first_ = 0;
   int column_first_ = 0;
@@ -614,18 +656,27 @@ bool Descent::hidden_by_lines(int a, int b) {
 bool Descent::sample_tile() {
   segments_.clear();
   weights_.clear();
+  first_lines_.assign(static_cast<std::size_t>(rows_ * columns_), {});
+  places_.clear();
   for (int r = 0; r < rows_; ++r) {
     for (int c = 0; c < columns_; ++c) {
-      if (facing_[static_cast<std::size_t>(r * columns_ + c)] == 0) continue;
-      const int i = element(row_first_ + r);
-      const int j = element(column_first_ + c);
+      const auto at = static_cast<std::size_t>(r * columns_ + c);
+      if (facing_[at] == 0) continue;
+      const int i = std::min(element(row_first_ + r), element(column_first_ + c));
+      const int j = std::max(element(row_first_ + r), element(column_first_ + c));
       // Not all pairs share front sides along every line.
-      for (int number = 0; number < 4 && !add_segment(std::min(i, j), std::max(i, j), number); ++number) {
-      }
+      int number = 0;
+      bool found = false;
+      for (; number < kFewestLines && !found; ++number) found = add_segment(i, j, number);
+      first_lines_[at].number = number - 1;
+      if (!found) continue;
+      first_lines_[at].weight = weights_.back();
+      places_.push_back(at);
     }
   }
   segment_blocked_.resize(segments_.size());
   problem_.visibility->blocked(segments_, segment_blocked_);
+  for (std::size_t k = 0; k < places_.size(); ++k) first_lines_[places_[k]].blocked = segment_blocked_[k] != 0;
   const auto blocked = std::count(segment_blocked_.begin(), segment_blocked_.end(), 1);
   constexpr std::size_t kEnough = 64;
   if (segments_.size() < kEnough || (blocked != 0 && blocked != static_cast<std::ptrdiff_t>(segments_.size())))
@@ -637,46 +688,82 @@ bool Descent::sample_tile() {
   return false;
 }
 
+/// All pairs of a tile whose lines disagree; where they agree, those pairs that are too large for what is left in
+/// doubt.
 void Descent::sample_pairs() {
+  if (!sampled_ && in_doubt_ == 0.0) return;
+  sampled_pairs_.clear();
   for (int r = 0; r < rows_; ++r) {
     for (int c = 0; c < columns_; ++c) {
       const auto at = static_cast<std::size_t>(r * columns_ + c);
       if (facing_[at] == 0 || !(results_[at].value > 0.0)) continue;
       const int i = std::min(element(row_first_ + r), element(column_first_ + c));
       const int j = std::max(element(row_first_ + r), element(column_first_ + c));
-      const double tolerance =
-          problem_.entry_tolerance * std::min(problem_.elements.area_mm2[i], problem_.elements.area_mm2[j]);
-      take_away(sample(i, j, results_[at].value, tolerance), results_[at]);
+      const double exchange = results_[at].value;
+      const double bearable = sampling_tolerance(i, j, exchange);
+      if (!sampled_ && in_doubt_ * exchange <= bearable) {
+        results_[at].error_estimate += in_doubt_ * exchange;
+        continue;
+      }
+      SampledPair pair{i, j, exchange, bearable};
+      pair.at = static_cast<int>(at);
+      const FirstLine& line = first_lines_[at];
+      pair.lines = line.number + 1;
+      pair.whole = line.weight;
+      pair.seen = line.blocked ? 0.0 : line.weight;
+      sampled_pairs_.push_back(pair);
     }
+  }
+  sample();
+  for (const SampledPair& pair : sampled_pairs_) take_away(pair.result, results_[static_cast<std::size_t>(pair.at)]);
+}
+
+/// Doubles the lines of every pair of `sampled_pairs_` until its tolerance is met; those of all pairs are traced
+/// together.
+void Descent::sample() {
+  constexpr std::size_t kTogether = 4096;
+  active_.clear();
+  for (std::size_t k = 0; k < sampled_pairs_.size(); ++k) {
+    if (sampled_pairs_[k].lines == 0 || !settle(sampled_pairs_[k])) active_.push_back(static_cast<int>(k));
+  }
+  for (int goal = kFewestLines; goal <= kMostLines && !active_.empty(); goal *= 2) {
+    std::size_t kept = 0;
+    for (std::size_t first = 0; first < active_.size();) {
+      segments_.clear();
+      weights_.clear();
+      ends_.clear();
+      std::size_t end = first;
+      for (; end < active_.size() && segments_.size() < kTogether; ++end) {
+        SampledPair& pair = sampled_pairs_[static_cast<std::size_t>(active_[end])];
+        for (; pair.lines < goal; ++pair.lines) add_segment(pair.i, pair.j, pair.lines);
+        ends_.push_back(segments_.size());
+      }
+      segment_blocked_.resize(segments_.size());
+      problem_.visibility->blocked(segments_, segment_blocked_);
+      std::size_t segment = 0;
+      for (std::size_t k = first; k < end; ++k) {
+        SampledPair& pair = sampled_pairs_[static_cast<std::size_t>(active_[k])];
+        for (; segment < ends_[k - first]; ++segment) {
+          pair.whole += weights_[segment];
+          if (segment_blocked_[segment] == 0) pair.seen += weights_[segment];
+        }
+        if (!settle(pair)) active_[kept++] = active_[k];
+      }
+      first = end;
+    }
+    active_.resize(kept);
   }
 }
 
-ShadowResult Descent::sample(int i, int j, double exchange, double tolerance) {
-  constexpr int kFewest = 4;
-  constexpr int kMost = 512;
-  double whole = 0.0;
-  double seen = 0.0;
-  ShadowResult result;
-  int done = 0;
-  for (int goal = kFewest; goal <= kMost; goal *= 2) {
-    segments_.clear();
-    weights_.clear();
-    for (; done < goal; ++done) add_segment(i, j, done);
-    segment_blocked_.resize(segments_.size());
-    problem_.visibility->blocked(segments_, segment_blocked_);
-    for (std::size_t k = 0; k < weights_.size(); ++k) {
-      whole += weights_[k];
-      if (segment_blocked_[k] == 0) seen += weights_[k];
-    }
-    const double share = whole > 0.0 ? seen / whole : 1.0;
-    result.touched = share < 1.0;
-    result.covered = share == 0.0;
-    result.hidden = (1.0 - share) * exchange;
-    // A lattice does better than the spread of independent samples; half a sample stays in doubt.
-    result.error_estimate = exchange * (std::sqrt(share * (1.0 - share) / done) + 0.5 / done);
-    if (result.error_estimate <= tolerance) break;
-  }
-  return result;
+/// The result of the lines so far; true if it meets the tolerance.
+bool Descent::settle(SampledPair& pair) {
+  const double share = pair.whole > 0.0 ? pair.seen / pair.whole : 1.0;
+  pair.result.touched = share < 1.0;
+  pair.result.covered = share == 0.0;
+  pair.result.hidden = (1.0 - share) * pair.exchange;
+  // A lattice does better than the spread of independent samples; half a sample stays in doubt.
+  pair.result.error_estimate = pair.exchange * (std::sqrt(share * (1.0 - share) / pair.lines) + 0.5 / pair.lines);
+  return pair.result.error_estimate <= pair.tolerance;
 }
 
 /// Numbers the tile clusters in order of position and returns their first positions.
