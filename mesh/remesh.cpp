@@ -177,6 +177,26 @@ std::array<Vector3d, 4> normals_of(const Work& work, const std::array<int, 3>& p
   return normals;
 }
 
+/// The fit tells corners of neighbouring patches in one point apart by fractions of a degree; on one side of a crease
+/// they share their mean, so that light and normals go on across the edge.
+void share_normals(PatchMesh& patches) {
+  const double same_side = std::cos(15 * std::numbers::pi / 180);
+  const auto fitted = patches.corner_normals;
+  std::vector<std::vector<std::pair<std::size_t, int>>> around(patches.points.size());
+  for (std::size_t f = 0; f < patches.faces.size(); ++f) {
+    for (int k = 0; k < 3; ++k) around[patches.faces[f][k]].emplace_back(f, k);
+  }
+  for (const auto& corners : around) {
+    for (const auto& [face, k] : corners) {
+      Vector3d sum = Vector3d::Zero();
+      for (const auto& [other, c] : corners) {
+        if (fitted[other][c].dot(fitted[face][k]) >= same_side) sum += fitted[other][c];
+      }
+      patches.corner_normals[face][k] = sum.normalized();
+    }
+  }
+}
+
 PatchMesh to_patches(const Work& work) {
   PatchMesh patches;
   patches.points = work.remeshed.points;
@@ -184,6 +204,7 @@ PatchMesh to_patches(const Work& work) {
     patches.faces.push_back({t[0], t[1], t[2], -1});
     patches.corner_normals.push_back(normals_of(work, t));
   }
+  share_normals(patches);
   patches.closed = is_closed(patches);
   return patches;
 }

@@ -11,6 +11,8 @@
 #include <optional>
 #include <unordered_map>
 
+#include "rendering/interpolation_error.h"
+
 namespace interglow::rendering {
 namespace {
 
@@ -24,6 +26,8 @@ constexpr double kSmallestEdgePixels = 1.0;
 // One above this size has one in any case, since something may happen between ends that look alike.
 constexpr double kLargestEdgePixels = 24.0;
 constexpr int kMaxLevels = 10;
+// A kink in the middle of an edge departs by four times what the slopes at its ends say, a smooth bend by once.
+constexpr double kGuessSafety = 2.0;
 // How far a point at which surfaces meet is moved into its own face: the irradiance there is the limit from inside.
 constexpr double kInset = 1e-3;
 
@@ -153,6 +157,25 @@ IrradianceField::IrradianceField(const Surface& surface, const Gatherer& gathere
     return difference(values(point[k]), other, other);
   };
 
+  /// What the corners alone say about the error along the edges of the first triangles.
+  const auto expect_errors = [&](std::vector<Leaf>& first) {
+    std::vector<Vector3d> positions;
+    for (const SurfacePoint& point : points_) positions.push_back(point.position);
+    std::vector<std::array<int, 3>> triangles;
+    for (const Triangle& triangle : triangles_) triangles.push_back(triangle.point);
+    const radiosity::RowMatrix values_of_points = Eigen::Map<const radiosity::RowMatrix>(
+        value_.data(), static_cast<Eigen::Index>(points_.size()), static_cast<Eigen::Index>(channels_));
+    const InterpolationError error(positions, values_of_points, triangles, weight);
+    for (Leaf& leaf : first) {
+      const std::array<int, 3>& corner = triangles_[static_cast<std::size_t>(leaf.triangle)].point;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const double guess = kGuessSafety * error.at_middle(corner[k], corner[(k + 1) % 3]);
+        // A quarter of the spread is what a parabola that starts level departs from the line.
+        leaf.expected[k] = std::isfinite(guess) ? guess : 0.25 * spread(corner, k);
+      }
+    }
+  };
+
   std::vector<Leaf> leaves;
   for (const int side : visible) {
     const int face = side / 2;
@@ -174,12 +197,7 @@ IrradianceField::IrradianceField(const Surface& surface, const Gatherer& gathere
   }
   gather_wanted();
 
-  // Between values this close a smooth function stays near the line; a quarter of the spread is what a parabola that
-  // starts level departs from it.
-  for (Leaf& leaf : leaves) {
-    for (std::size_t k = 0; k < 3; ++k)
-      leaf.expected[k] = 0.25 * spread(triangles_[static_cast<std::size_t>(leaf.triangle)].point, k);
-  }
+  expect_errors(leaves);
 
   for (int level = 0; level < kMaxLevels && !leaves.empty(); ++level) {
     std::vector<Split> splits;

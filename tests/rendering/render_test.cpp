@@ -105,7 +105,8 @@ TEST(Render, EdgesAreAreaAverages) {
 
 TEST(Render, CornersAreAreaAverages) {
   // One corner of the square ends in pixel (10, 17), of which it covers u × v. A rank-1 lattice of N points errs by
-  // O(log N / N) on boxes: log2(64) / 2 points of 64 here, where a grid of 8 x 8 errs by up to 8 and one with sheared rows by 4.
+  // O(log N / N) on boxes: log2(64) / 2 points of 64 here, where a grid of 8 x 8 errs by up to 8 and one with sheared
+  // rows by 4.
   const double pixel_mm = 2 * 100 * std::tan(5 * kPi / 180) / 32;
   for (const auto& [u, v] : {std::pair{0.67, 0.065}, {0.31, 0.425}, {0.433, 0.433}, {0.433, 0.543}, {0.1, 0.9}}) {
     scene::Scene scene = empty_scene();
