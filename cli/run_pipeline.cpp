@@ -4,6 +4,9 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <ctime>
+#include <numeric>
+#include <utility>
 
 #include "diagnostics/error.h"
 #include "radiosity/direct_light.h"
@@ -12,19 +15,25 @@
 namespace interglow::cli {
 namespace {
 
-double now_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+double wall_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
+double processor_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
 }  // namespace
 
 StageTimes::Stopwatch::Stopwatch(StageTimes& all, std::string name)
-    : times(all), stage(std::move(name)), start_s(now_s()) {}
+    : times(all), stage(std::move(name)), wall_start_s(wall_s()), processor_start_s(processor_s()) {}
 
-StageTimes::Stopwatch::~Stopwatch() { times.seconds_.emplace_back(stage, now_s() - start_s); }
+StageTimes::Stopwatch::~Stopwatch() {
+  times.stages_.push_back({stage, wall_s() - wall_start_s, processor_s() - processor_start_s});
+}
 
-double StageTimes::total_s() const {
-  double total = 0.0;
-  for (const auto& [stage, seconds] : seconds_) total += seconds;
-  return total;
+double StageTimes::total_wall_s() const {
+  return std::accumulate(stages_.begin(), stages_.end(), 0.0, [](double sum, const Stage& s) { return sum + s.wall_s; });
+}
+
+double StageTimes::total_processor_s() const {
+  return std::accumulate(stages_.begin(), stages_.end(), 0.0,
+                         [](double sum, const Stage& s) { return sum + s.processor_s; });
 }
 
 RunOutcome run_scene(const scene::SceneDescription& description, const Progress& progress) {

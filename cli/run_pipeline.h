@@ -4,7 +4,6 @@
 
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "diagnostics/progress.h"
@@ -18,17 +17,24 @@
 
 namespace interglow::cli {
 
-/// Seconds by stage, in the order of work.
+/// Time by stage, in the order of work.
 class StageTimes {
  public:
-  /// Runs `work` and adds its wall time to `stage`.
+  struct Stage {
+    std::string name;
+    double wall_s;
+    double processor_s;  ///< of all threads: what stays comparable on a machine that does other work as well
+  };
+
+  /// Runs `work` and adds its times as `stage`.
   template <typename Work>
   auto measure(const std::string& stage, const Work& work) {
     const Stopwatch watch(*this, stage);
     return work();
   }
-  const std::vector<std::pair<std::string, double>>& seconds() const { return seconds_; }
-  double total_s() const;
+  const std::vector<Stage>& stages() const { return stages_; }
+  double total_wall_s() const;
+  double total_processor_s() const;
 
  private:
   struct Stopwatch {
@@ -36,9 +42,10 @@ class StageTimes {
     ~Stopwatch();
     StageTimes& times;
     std::string stage;
-    double start_s;
+    double wall_start_s;
+    double processor_start_s;
   };
-  std::vector<std::pair<std::string, double>> seconds_;
+  std::vector<Stage> stages_;
 };
 
 struct RunOutcome {

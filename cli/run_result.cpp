@@ -176,14 +176,22 @@ std::string result_json(const scene::SceneDescription& description, const RunOut
   result["image"] = {{"width", outcome.images.total.width},
                      {"height", outcome.images.total.height},
                      {"bands", outcome.images.total.bands()},
-                     {"exposure", written.exposure}};
+                     {"exposure", written.exposure},
+                     {"primary_rays", outcome.images.report.primary_rays},
+                     {"divided_pixels", outcome.images.report.divided_pixels},
+                     {"gather_points", outcome.images.report.gather_points},
+                     {"gather_channels", outcome.images.report.gather_channels}};
   for (const auto& [name, share] : written.clipped_share) result["image"]["clipped_share"][name] = share;
   for (const ComponentMean& mean : component_means(outcome.images, camera_widths_nm(scene))) {
     result["components"][mean.name] = {{"mean_radiance_W_m2_sr", mean.radiance}, {"share", mean.share}};
   }
   result["contact"] = contact_json(outcome.contact);
-  for (const auto& [stage, seconds] : outcome.times.seconds()) result["seconds"][stage] = seconds;
-  result["seconds"]["total"] = outcome.times.total_s();
+  for (const StageTimes::Stage& stage : outcome.times.stages()) {
+    result["seconds"][stage.name] = stage.wall_s;
+    result["processor_seconds"][stage.name] = stage.processor_s;
+  }
+  result["seconds"]["total"] = outcome.times.total_wall_s();
+  result["processor_seconds"]["total"] = outcome.times.total_processor_s();
   result["threads"] = tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism);
   result["peak_memory_MiB"] = peak_memory_mib();
   result["files"] = written.files;
@@ -197,7 +205,7 @@ std::string summary(const RunOutcome& outcome, const WrittenImages& written, con
   for (const scene::Object& object : scene.objects) patches += object.patches.faces.size();
   text += fmt::format("{} patches, {} bands, {} x {} x {} image in {:.1f} s, {:.0f} MiB\n", patches, scene.grid.size(),
                       outcome.images.total.width, outcome.images.total.height, outcome.images.total.bands(),
-                      outcome.times.total_s(), peak_memory_mib());
+                      outcome.times.total_wall_s(), peak_memory_mib());
   text += fmt::format(
       "energy balance   {:.1e} relative ({:.6g} W in = {:.6g} absorbed + {:.6g} escaped + {:.6g} Stokes loss",
       outcome.balance.relative_error, outcome.balance.received, outcome.balance.absorbed, outcome.balance.escaped,
