@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "radiosity/assembly_problem.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace interglow::radiosity {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Elements a side of a tile: small enough to stay in the first-level cache with its vectors, large enough for dense
+/// products.
+constexpr int kTileSize = 32;
+
+/// Numbers the tile clusters in order of position and returns their first positions.
+std::vector<int> mark_tiles(const ElementTree& tree, int node, std::vector<int>& tile_of_node,
+                            std::vector<int>& first) {
+  if (node < 0) return {0};
+  std::vector<int> pending = {node};
+  while (!pending.empty()) {
+    const int n = pending.back();
+    pending.pop_back();
+    const Cluster& cluster = tree.cluster(n);
+    if (cluster.count <= kTileSize) {
+      tile_of_node[static_cast<std::size_t>(n)] = static_cast<int>(first.size());
+      first.push_back(cluster.first);
+    } else {
+      pending.push_back(cluster.right);
+      pending.push_back(cluster.left);
+    }
+  }
+  first.push_back(tree.cluster(node).count);
+  return first;
+}
+
+/// For every element, which objects stay below its plane; for every node, what holds for all of its members.
+void mark_nodes(AssemblyProblem& problem) {
+  const Elements& elements = problem.elements;
+  const auto n = static_cast<std::size_t>(elements.size());
+  const int objects = elements.faces.object.empty() ? 0 : std::min(64, elements.faces.object.back() + 1);
+  std::vector<std::vector<Vector3d>> points(static_cast<std::size_t>(objects));
+  for (const ConvexBody& body : problem.blockers.body) {
+    if (body.object >= objects) continue;
+    auto& all = points[static_cast<std::size_t>(body.object)];
+    all.insert(all.end(), body.vertex.begin(), body.vertex.end());
+  }
+  std::vector<std::uint64_t> hidden(n, 0);
+  std::vector<double> rise(n, 0.0);
+  tbb::parallel_for(std::size_t{0}, n, [&](std::size_t e) {
+    const Vector3d normal = elements.normal.row(static_cast<Eigen::Index>(e)).transpose();
+    // Lines that leave at an angle of θ with the surface carry a share of θ² of the flux: rounded coordinates of a
+    // convex object may rise this far without hiding anything that the tolerance would notice.
+    rise[e] = std::max(problem.tree.flat(), std::sqrt(elements.area_mm2[static_cast<Eigen::Index>(e)]) *
+                                                std::min(1e-5, 0.1 * std::sqrt(problem.entry_tolerance)));
+    const double highest = normal.dot(problem.tree.polygon(static_cast<int>(e)).corner[0]) + rise[e];
+    for (int o = 0; o < objects; ++o) {
+      const auto& all = points[static_cast<std::size_t>(o)];
+      if (std::all_of(all.begin(), all.end(), [&](const Vector3d& p) { return normal.dot(p) <= highest; }))
+        hidden[e] |= std::uint64_t{1} << o;
+    }
+  });
+  const int nodes = problem.tree.size();
+  problem.hidden_objects.assign(static_cast<std::size_t>(nodes), ~std::uint64_t{0});
+  problem.black.assign(static_cast<std::size_t>(nodes), 1);
+  problem.rise.assign(static_cast<std::size_t>(nodes), std::numeric_limits<double>::infinity());
+  // Children come after their parents.
+  for (int node = nodes - 1; node >= 0; --node) {
+    const Cluster& cluster = problem.tree.cluster(node);
+    const auto at = static_cast<std::size_t>(node);
+    if (cluster.count == 1) {
+      const auto e = static_cast<std::size_t>(problem.tree.order()[static_cast<std::size_t>(cluster.first)]);
+      problem.hidden_objects[at] = hidden[e];
+      problem.rise[at] = rise[e];
+      problem.black[at] = elements.material[e] < 0 ? 1 : 0;
+      continue;
+    }
+    for (const int child : {cluster.left, cluster.right}) {
+      problem.rise[at] = std::min(problem.rise[at], problem.rise[static_cast<std::size_t>(child)]);
+      problem.hidden_objects[at] &= problem.hidden_objects[static_cast<std::size_t>(child)];
+      problem.black[at] = static_cast<char>(problem.black[at] & problem.black[static_cast<std::size_t>(child)]);
+    }
+  }
+}
+
+}  // namespace
+
+AssemblyProblem::AssemblyProblem(const Elements& scene_elements, const TransportParams& transport_params)
+    : elements(scene_elements), params(transport_params), tree(scene_elements) {
+  const Eigen::Index n = elements.size();
+  entry_tolerance = params.tolerance / std::sqrt(static_cast<double>(std::max<Eigen::Index>(n, 1)));
+  tile_of_node.assign(static_cast<std::size_t>(2 * n), -1);
+  mark_tiles(tree, tree.root(), tile_of_node, tile_first);
+  if (params.occlusion) {
+    blockers = make_blockers(elements, tree.flat());
+    visibility.emplace(elements.faces);
+  }
+  std::vector<Polygon> polygons;
+  for (int e = 0; e < static_cast<int>(n); ++e) polygons.push_back(tree.polygon(e));
+  kernel.emplace(std::move(polygons));
+  if (!few_blockers()) risen.emplace(elements, tree, blockers, tile_first, params.tolerance);
+  mark_nodes(*this);
+}
+
+}  // namespace interglow::radiosity
