@@ -241,4 +241,20 @@ void FormFactorBatch::exchange_areas(std::uint32_t one, std::span<const std::uin
   }
 }
 
+void FormFactorBatch::exchange_areas_by_rule(std::uint32_t one, std::span<const std::uint32_t> others, int points,
+                                             std::span<double> results) const {
+  if (points < 1 || points > kMaxOrder)
+    throw InvalidParams(fmt::format("form factors: points = {}, expected 1 to {}.", points, kMaxOrder));
+  std::array<const PatchRecord*, batch::kBlock> first, second;
+  for (std::size_t start = 0; start < others.size(); start += batch::kBlock) {
+    const int count = static_cast<int>(std::min<std::size_t>(batch::kBlock, others.size() - start));
+    for (int k = 0; k < count; ++k) {
+      first[k] = &records_[std::min(one, others[start + k])];
+      second[k] = &records_[std::max(one, others[start + k])];
+    }
+    kernels_->product(first.data(), second.data(), count, product_rule(points), results.data() + start);
+    for (int k = 0; k < count; ++k) results[start + k] *= unit_ * unit_;
+  }
+}
+
 }  // namespace interglow::radiosity

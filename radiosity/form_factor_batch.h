@@ -43,6 +43,11 @@ class FormFactorBatch {
   void exchange_areas(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance,
                       std::span<FormFactor> results) const;
 
+  /// A_one F_one,other by the product rule of `points` (1 to 6) per direction alone, whatever its error: what the choice
+  /// of rules is measured against. @pre the patches face each other wholly
+  void exchange_areas_by_rule(std::uint32_t one, std::span<const std::uint32_t> others, int points,
+                              std::span<double> results) const;
+
   /// The instruction set in use: "AVX-512", "AVX2" or "SSE2".
   const char* instruction_set() const;
 
