@@ -73,14 +73,16 @@ struct Patch {
         centre(lanes.load_vector([](const PatchRecord& r) { return r.centre; })) {}
 };
 
-/// Height over a plane, bilinear in the parameters of the other patch.
+/// Height of a patch along a direction, from a point, bilinear in its parameters.
 struct Height {
   Real at_origin, along_u, along_v, along_uv;
-  Height(const Patch& of, const Patch& over)
-      : at_origin(dot(over.normal, of.origin - over.centre)),
-        along_u(dot(over.normal, of.e1)),
-        along_v(dot(over.normal, of.e2)),
-        along_uv(dot(over.normal, of.e3)) {}
+  Height(const Patch& of, Vector direction, Vector from)
+      : at_origin(dot(direction, of.origin - from)),
+        along_u(dot(direction, of.e1)),
+        along_v(dot(direction, of.e2)),
+        along_uv(dot(direction, of.e3)) {}
+  /// Over the plane of another patch.
+  Height(const Patch& of, const Patch& over) : Height(of, over.normal, over.centre) {}
   void range(Real& low, Real& high) const {
     const Real a = at_origin, b = a + along_u, c = a + along_v, d = b + along_v + along_uv;
     low = min(min(a, b), min(c, d));
@@ -122,15 +124,22 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
     const Real area = scalar_of(first_lanes, &PatchRecord::area) * scalar_of(second_lanes, &PatchRecord::area);
     const Real limit =
         tolerance * min(scalar_of(first_lanes, &PatchRecord::area), scalar_of(second_lanes, &PatchRecord::area));
-    const Real away_a = max(distance - radius_b, splat(1e-100)), away_b = max(distance - radius_a, splat(1e-100));
-    const Real gap = distance - radius_a - radius_b;
-    const Mask apart = gap > 0;
+    // D by balls, by the heights over the own plane, and by what lies along the line of centres; the largest holds.
+    const Vector along = (1.0 / max(distance, splat(1e-100))) * between;
+    Real a_begin, a_end, b_begin, b_end;  // from the centre of a
+    Height(a, along, a.centre).range(a_begin, a_end);
+    Height(b, along, a.centre).range(b_begin, b_end);
+    const Real away_a = max(max(distance - radius_b, low_b), b_begin),
+               away_b = max(max(distance - radius_a, low_a), distance - a_end);
+    const Real gap_a = away_a - radius_a, gap_b = away_b - radius_b,
+               gap = max(distance - radius_a - radius_b, b_begin - a_end);
+    const Mask clear = (gap_a > 0) & (gap_b > 0), apart = gap > 0;
     const Real inverse_a = 1.0 / (away_a * away_a), inverse_b = 1.0 / (away_b * away_b),
                inverse_gap = 1.0 / (gap * gap);
     // The height of the visible parts bounds what a clamped rule can miss where one plane cuts the other patch.
     const Real crossing = max(high_a, splat(0)) * max(high_b, splat(0)) * inverse_gap * inverse_gap * area / kPi;
     Real chosen = splat(kScalar), chosen_bound = splat(0);
-    Real power_a = splat(1), power_b = splat(1);
+    Real power_a = 1.0 / (gap_a * gap_a), power_b = 1.0 / (gap_b * gap_b);
     const Real extra =
         max(scalar_of(first_lanes, &PatchRecord::bilinear), scalar_of(second_lanes, &PatchRecord::bilinear));
     for (int m = 1; m < kMaxOrder; ++m) {
@@ -138,12 +147,12 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
       power_b *= inverse_b;
       const Real spread_a = first_lanes.load([m](const PatchRecord& r) { return r.spread[m]; });
       const Real spread_b = second_lanes.load([m](const PatchRecord& r) { return r.spread[m]; });
-      const Real left = (2 * m + 1) / kPi * area * inverse_gap * (spread_a * power_a + spread_b * power_b);
+      const Real left = (2 * m + 1) / kPi * area * (spread_a * power_a + spread_b * power_b);
       const Mask take = (left <= limit) & (chosen == splat(kScalar));
       chosen = take ? extra + static_cast<double>(m) : chosen;
       chosen_bound = take ? left : chosen_bound;
     }
-    const Mask far = in_front & apart;
+    const Mask far = in_front & clear;
     const Mask cut = ~in_front & apart & (crossing <= limit);
     chosen = far ? chosen : (cut ? splat(2) : splat(kScalar));
     chosen_bound = cut ? crossing : chosen_bound;
