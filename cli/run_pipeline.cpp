@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <ctime>
 #include <numeric>
@@ -17,6 +18,12 @@ namespace {
 
 double wall_s() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 double processor_s() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+/// Whether the direct light of any element is found through form factors.
+bool needs_form_factors(const scene::Scene& scene) {
+  return scene.sky || std::any_of(scene.objects.begin(), scene.objects.end(),
+                                  [](const scene::Object& object) { return object.emits(); });
+}
 
 }  // namespace
 
@@ -49,8 +56,14 @@ RunOutcome run_scene(const scene::SceneDescription& description, const Progress&
                                                     .occlusion = solve.occlusion,
                                                     .smooth_closure = solve.smooth_closure,
                                                     .black_sides = scene.sky.has_value()};
-  const auto transport =
-      times.measure("form_factors", [&] { return radiosity::Transport::build(elements, transport_params, progress); });
+  const auto transport = times.measure("form_factors", [&] {
+    if (solve.bounces != 0 || needs_form_factors(scene))
+      return radiosity::Transport::build(elements, transport_params, progress);
+    // Light of beams that does not bounce travels between no two elements: as if all were black.
+    radiosity::Elements black = elements;
+    std::fill(black.material.begin(), black.material.end(), -1);
+    return radiosity::Transport::build(black, transport_params, progress);
+  });
   outcome.transport = transport.report();
 
   const auto direct = times.measure("direct_light", [&] {
@@ -70,6 +83,9 @@ RunOutcome run_scene(const scene::SceneDescription& description, const Progress&
   }
   outcome.balance = times.measure(
       "energy_balance", [&] { return radiosity::energy_balance(scene, elements, transport, outcome.solution); });
+  outcome.error = times.measure("error_estimate", [&] {
+    return radiosity::estimate_errors(scene, elements, transport, outcome.solution, progress);
+  });
 
   const rendering::RenderParams render_params{.samples_per_side = description.render.samples_per_side,
                                               .gather_tolerance = description.render.gather_tolerance};

@@ -8,6 +8,7 @@
 
 #include "diagnostics/progress.h"
 #include "radiosity/elements.h"
+#include "radiosity/error_estimate.h"
 #include "radiosity/solution.h"
 #include "radiosity/transport.h"
 #include "rendering/contact.h"
@@ -54,6 +55,7 @@ struct RunOutcome {
   radiosity::TransportReport transport;
   radiosity::Solution solution;
   radiosity::EnergyBalance balance;
+  radiosity::ErrorEstimate error;
   rendering::RenderedImages images;
   std::optional<rendering::ContactRatio> contact;  ///< w'; empty where no two objects come close in the picture
   StageTimes times;

@@ -104,6 +104,7 @@ Json form_factor_json(const radiosity::TransportReport& report) {
           {"closure_max", report.closure_max},
           {"closure_rms", report.closure_rms},
           {"error_estimate_max", report.error_estimate_max},
+          {"error_estimate_rms", report.error_estimate_rms},
           {"smoothing_change_max", report.smoothing_change_max},
           {"bytes", report.bytes}};
 }
@@ -112,6 +113,24 @@ Json energy_json(const radiosity::EnergyBalance& balance) {
   return {{"received_W", balance.received},       {"absorbed_W", balance.absorbed},
           {"escaped_W", balance.escaped},         {"stokes_loss_W", balance.stokes_loss},
           {"last_bounce_W", balance.last_bounce}, {"relative_error", balance.relative_error}};
+}
+
+Json error_json(const radiosity::ErrorEstimate& error) {
+  Json json;
+  const auto add = [&](const char* name, const radiosity::ComponentError& component) {
+    json[name] = {{"mean", component.mean}, {"element", component.element}};
+  };
+  add("image", error.total);
+  add("re", error.re);
+  add("rr", error.rr);
+  add("le", error.le);
+  add("li", error.li);
+  add("rl", error.rl);
+  add("form_factors", error.form_factors);
+  json["residual"] = error.residual;
+  json["faceting"] = error.faceting;
+  json["assessed_share"] = error.assessed_share;
+  return json;
 }
 
 Json contact_json(const std::optional<rendering::ContactRatio>& contact) {
@@ -173,6 +192,7 @@ std::string result_json(const scene::SceneDescription& description, const RunOut
                      {"relative_residual", outcome.solution.relative_residual},
                      {"converged", outcome.solution.converged}};
   result["energy"] = energy_json(outcome.balance);
+  result["error"] = error_json(outcome.error);
   result["image"] = {{"width", outcome.images.total.width},
                      {"height", outcome.images.total.height},
                      {"bands", outcome.images.total.bands()},
@@ -217,8 +237,16 @@ std::string summary(const RunOutcome& outcome, const WrittenImages& written, con
         fmt::format("w'               {:.4f}, mean f_rr / mean f_re of {} pixels within {:g} mm of another object\n",
                     outcome.contact->w, outcome.contact->pixels, outcome.contact->distance_mm);
   }
+  const radiosity::ErrorEstimate& error = outcome.error;
+  const std::vector<std::pair<std::string, radiosity::ComponentError>> errors = {
+      {"image", error.total}, {"re", error.re}, {"rr", error.rr}, {"le", error.le}, {"li", error.li}, {"rl", error.rl}};
   for (const ComponentMean& mean : component_means(outcome.images, camera_widths_nm(scene))) {
-    text += fmt::format("mean of {:<8} {:.6g} W m^-2 sr^-1, {:6.2f} %\n", mean.name, mean.radiance, 100.0 * mean.share);
+    text += fmt::format("mean of {:<8} {:.6g} W m^-2 sr^-1, {:6.2f} %", mean.name, mean.radiance, 100.0 * mean.share);
+    for (const auto& [name, estimate] : errors) {
+      if (name == mean.name && mean.radiance > 0.0)
+        text += fmt::format(", within {:.1e} relative ({:.1e} at a point)", estimate.mean, estimate.element);
+    }
+    text += "\n";
   }
   for (const std::string& warning : outcome.built.warnings) text += "warning: " + warning + "\n";
   text += fmt::format("written to {}: {}, result.json\n", folder, fmt::join(written.files, ", "));

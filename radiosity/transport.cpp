@@ -102,7 +102,13 @@ Transport Transport::build(const Elements& elements, const TransportParams& para
   Assembly assembly = assemble(elements, params, progress);
   impl->exchange = std::move(assembly.exchange);
   impl->report = assembly.report;
-  if (elements.size() > 0) impl->report.error_estimate_max = assembly.error_estimate.maxCoeff();
+  if (elements.size() > 0) {
+    const Eigen::VectorXd& error = assembly.error_estimate;
+    impl->report.error_estimate_max = error.maxCoeff();
+    const Eigen::Map<const Eigen::VectorXi> material(elements.material.data(), elements.size());
+    const Eigen::VectorXd area = (material.array() >= 0).select(elements.area_mm2, 0.0);
+    if (area.sum() > 0.0) impl->report.error_estimate_rms = std::sqrt(area.dot(error.cwiseAbs2()) / area.sum());
+  }
   if (params.smooth_closure)
     impl->report.smoothing_change_max = smooth(impl->exchange, elements.area_mm2, elements.material);
   impl->finish_report();

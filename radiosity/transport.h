@@ -46,6 +46,7 @@ struct TransportReport {
   double closure_max = 0.0;  ///< max_i |Σ_j F_ij - 1|; meaningful for closed scenes only
   double closure_rms = 0.0;
   double error_estimate_max = 0.0;    ///< largest row error estimate
+  double error_estimate_rms = 0.0;    ///< of the row error estimates, weighted with the areas; without black sides
   double smoothing_change_max = 0.0;  ///< largest change of a form factor by closure smoothing
   double seconds_search = 0.0;        ///< culling and blocker search
   double seconds_factors = 0.0;

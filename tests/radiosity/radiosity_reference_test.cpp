@@ -2,84 +2,22 @@
 // Meshes against continuous solutions: V-grooves and touching half-cylinders as long strips, the cube.
 // Piecewise constant sources integrated exactly make the irradiance gathered from them second order in the patch size.
 #include <gtest/gtest.h>
-#include <tbb/parallel_for.h>
 
 #include <cmath>
 #include <numbers>
 #include <string>
 
-#include "radiosity/direct_light.h"
-#include "radiosity/form_factor.h"
-#include "radiosity/solution.h"
-#include "tests/radiosity/reference_cases.h"
-#include "tests/radiosity/test_scenes.h"
+#include "tests/radiosity/reference_solve.h"
 
 namespace interglow::radiosity {
 namespace {
 
-using Eigen::Vector2d;
 using Eigen::Vector3d;
 using nlohmann::json;
 using std::numbers::pi;
-
-/// Length of strips that stand for infinite ones: the ends are felt by 1 / length, far below the errors looked at.
-constexpr double kLength = 1e6;
-
-double value(const json& number) { return number.at("value").get<double>(); }
-
-Polygon polygon(const Elements& elements, Eigen::Index e) {
-  const auto i = static_cast<std::size_t>(e);
-  const mesh::Face& face = elements.faces.corners[static_cast<std::size_t>(elements.face[i])];
-  Polygon polygon;
-  polygon.corners = mesh::corner_count(face);
-  for (int k = 0; k < polygon.corners; ++k) {
-    const int at = elements.back[i] != 0 ? polygon.corners - 1 - k : k;
-    polygon.corner[static_cast<std::size_t>(k)] =
-        elements.faces.points[static_cast<std::size_t>(face[static_cast<std::size_t>(at)])];
-  }
-  return polygon;
-}
-
-/// Strips refined towards an apex or a cusp, where radiosity behaves like a small power of the distance.
-double graded(double x) { return std::pow(x, 6.0); }
-
-struct Solved {
-  Elements elements;
-  Solution solution;
-  std::vector<spectral::Material> materials;
-
-  /// Indirect irradiance at a point, gathered from the sources.
-  double gathered(const Vector3d& point, const Vector3d& normal) const {
-    double sum = 0.0;
-    for (Eigen::Index e = 0; e < elements.size(); ++e) {
-      const double source = solution.reflected_source(e, 0);
-      if (source != 0.0) sum += source * point_form_factor(point, normal, polygon(elements, e));
-    }
-    return sum;
-  }
-  double radiosity(Eigen::Index e) const {
-    return materials[static_cast<std::size_t>(elements.material[static_cast<std::size_t>(e)])]
-               .donaldson.reflectance[0] *
-           (solution.direct(e, 0) + solution.reflected(e, 0));
-  }
-};
-
-/// Objects k reflect reflectance[k] and are lit by irradiance(element).
-template <typename Irradiance>
-Solved solved(const std::vector<mesh::PatchMesh>& meshes, const std::vector<double>& reflectance,
-              const Irradiance& irradiance, std::optional<int> bounces = {}) {
-  const scene::Scene scene = test::one_band_scene(meshes, reflectance);
-  Elements elements = make_elements(scene);
-  RowMatrix direct = RowMatrix::Zero(elements.size(), 1);
-  for (Eigen::Index e = 0; e < elements.size(); ++e) {
-    // Backs look away from the cavity; black, so that only the cavity is solved.
-    if (elements.back[static_cast<std::size_t>(e)] == 0) direct(e, 0) = irradiance(elements, e);
-  }
-  const Transport transport = Transport::build(elements, {.tolerance = 1e-7, .occlusion = false});
-  Solution solution =
-      solve(transport, scene.materials, elements.material, direct, {.bounces = bounces, .tolerance = 1e-12});
-  return {std::move(elements), std::move(solution), scene.materials};
-}
+using test::solved;
+using test::Solved;
+using test::value;
 
 TEST(RadiosityReference, VGrooveFallsAtSecondOrder) {
   int checked = 0;
@@ -89,15 +27,9 @@ TEST(RadiosityReference, VGrooveFallsAtSecondOrder) {
     const double rho = entry.at("inputs").at("rho").get<double>();
     std::vector<double> worst;
     for (const int strips : {40, 80}) {
-      std::vector<Vector2d> right, left;
-      for (int k = 0; k <= strips; ++k) {
-        const double x = graded(double(k) / strips);
-        right.push_back(x * Vector2d(std::sin(half), std::cos(half)));
-        left.push_back(graded(1.0 - double(k) / strips) * Vector2d(-std::sin(half), std::cos(half)));
-      }
       // Exitance 1 on the walls is irradiance 1 / ρ.
-      const Solved groove = solved({test::strips(right, kLength), test::strips(left, kLength)}, {rho, rho},
-                                   [&](const Elements&, Eigen::Index) { return 1.0 / rho; });
+      const Solved groove =
+          solved(test::v_groove(half, strips), {rho, rho}, [&](const Elements&, Eigen::Index) { return 1.0 / rho; });
       double error = 0.0;
       for (const json& at : entry.at("expected").at("B")) {
         const double x = at.at("x").get<double>();
@@ -124,22 +56,9 @@ TEST(RadiosityReference, TouchingHalfCylindersFallAtSecondOrderWhereTheKernelIsR
     const json& bands = entry.at("expected").at("band_mean_radiosity");
     std::vector<std::vector<double>> error;  // per refinement: left and right of every band
     for (const int refinement : {8, 16}) {
-      std::vector<double> angle;  // from the contact, refined towards it
-      const std::vector<double> edges = {0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 30, 45, 60, 70, 80, 90};
-      for (std::size_t k = 0; k + 1 < edges.size(); ++k) {
-        for (int s = 0; s < refinement; ++s) angle.push_back(edges[k] + (edges[k + 1] - edges[k]) * s / refinement);
-      }
-      angle.push_back(90.0);
-      std::vector<Vector2d> left, right;
-      for (const double deg : angle) {
-        const double t = deg * pi / 180;
-        left.emplace_back(-1.0 + std::cos(t), std::sin(t));
-        right.emplace_back(1.0 - std::cos(t), std::sin(t));
-      }
-      std::reverse(left.begin(), left.end());
+      const std::vector<double> angle = test::half_cylinder_angles(refinement);
       const Solved cusp =
-          solved({test::strips(left, kLength), test::strips(right, kLength)},
-                 {in.at("rho_left").get<double>(), in.at("rho_right").get<double>()},
+          solved(test::half_cylinders(angle), {in.at("rho_left").get<double>(), in.at("rho_right").get<double>()},
                  [](const Elements& elements, Eigen::Index e) { return std::max(0.0, elements.normal(e, 2)); });
       const auto count = static_cast<Eigen::Index>(angle.size()) - 1;
       error.emplace_back();
@@ -189,11 +108,7 @@ TEST(RadiosityReference, CubeMeansFallAtSecondOrderUpToTheEdges) {
     }
     std::vector<Eigen::Vector3d> error;
     for (const int n : {4, 8}) {
-      const Vector3d x = Vector3d::UnitX(), y = Vector3d::UnitY(), z = Vector3d::UnitZ(), zero = Vector3d::Zero();
-      const std::vector<mesh::PatchMesh> faces = {test::grid(zero, x, y, n, n), test::grid(z, y, x, n, n),
-                                                  test::grid(zero, z, x, n, n), test::grid(y, x, z, n, n),
-                                                  test::grid(zero, y, z, n, n), test::grid(x, z, y, n, n)};
-      const Solved cube = solved(faces, reflectance, [&](const Elements& elements, Eigen::Index e) {
+      const Solved cube = solved(test::cube(n), reflectance, [&](const Elements& elements, Eigen::Index e) {
         const auto face = static_cast<std::size_t>(elements.object[static_cast<std::size_t>(e)]);
         return exitance[face] / reflectance[face];
       });
