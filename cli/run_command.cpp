@@ -41,6 +41,9 @@ int run(const Options& options, const Session& session) {
     command_line += " --bounces " + options.bounces;
   }
   RunOutcome outcome = run_scene(description, session.progress);
+  // An older result must not name pictures that are being replaced.
+  std::error_code none_there;
+  std::filesystem::remove(options.out / "result.json", none_there);
   const WrittenImages written = outcome.times.measure(
       "write", [&] { return write_images(outcome.images, description.output, options.out, command_line); });
   // result.json comes last: where it is, everything it names is there.

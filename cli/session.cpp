@@ -7,23 +7,23 @@
 
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <csignal>
 #include <cstdio>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <thread>
 
 #include "diagnostics/error.h"
+#include "files/atomic_file.h"
 
 namespace interglow::cli {
 namespace {
 
 std::atomic<bool> stop_requested{false};
 
-extern "C" void request_stop(int) {
-  // A second Ctrl-C does not wait for the end of the unit of work.
-  if (stop_requested.exchange(true)) _exit(kInterrupted);
-}
+extern "C" void request_stop(int) { stop_requested = true; }
 
 /// One line on stderr that rewrites itself; nothing where stderr is not a terminal.
 class ProgressBar {
@@ -45,7 +45,8 @@ class ProgressBar {
     }
     constexpr int kWidth = 30;
     const int done = static_cast<int>(fraction * kWidth + 0.5);
-    fmt::print(stderr, "\r\033[K{:<22} [{:#>{}}{:.>{}}] {:3.0f} %{}", stage_, "", done, "", kWidth - done, 100.0 * fraction, left);
+    fmt::print(stderr, "\r\033[K{:<22} [{:#>{}}{:.>{}}] {:3.0f} %{}", stage_, "", done, "", kWidth - done,
+               100.0 * fraction, left);
     std::fflush(stderr);
     drawn_once_ = true;
   }
@@ -61,6 +62,33 @@ class ProgressBar {
   std::string stage_;
   std::chrono::steady_clock::time_point start_{}, drawn_{};
   bool drawn_once_ = false;
+};
+
+/// What work does not ask whether to stop within this, is not waited for.
+constexpr std::chrono::milliseconds kGrace{700};
+
+/// Ends the process on Ctrl-C where the work does not end by itself: inside a library's call, or between two askings
+/// far apart.
+class Watchdog {
+ public:
+  explicit Watchdog(ProgressBar& bar) : thread_([&bar](const std::stop_token& done) { watch(bar, done); }) {}
+
+ private:
+  static void watch(ProgressBar& bar, const std::stop_token& done) {
+    std::mutex mutex;
+    std::unique_lock lock(mutex);
+    std::condition_variable_any ended;  // woken by `done` alone: a signal handler may not wake it
+    while (!stop_requested && !done.stop_requested())
+      ended.wait_for(lock, done, std::chrono::milliseconds(50), [] { return false; });
+    ended.wait_for(lock, done, kGrace, [] { return false; });
+    if (done.stop_requested()) return;
+    files::abandon_unfinished();
+    bar.clear();
+    fmt::print(stderr, "interglow: stopped; nothing was left half-written.\n");
+    _exit(kInterrupted);
+  }
+
+  std::jthread thread_;
 };
 
 }  // namespace
@@ -81,6 +109,7 @@ int run_guarded(Session& session, const std::function<int()>& action) {
   }
   std::signal(SIGINT, &request_stop);
   std::signal(SIGTERM, &request_stop);
+  const Watchdog watchdog(bar);
   std::optional<tbb::global_control> limit;
   if (session.threads > 0) {
     limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(session.threads));

@@ -18,4 +18,8 @@ void write_atomically(const std::filesystem::path& path,
 /// The same for text (or any bytes) in memory.
 void write_text_atomically(const std::filesystem::path& path, std::string_view text);
 
+/// Removes the temporary files of all writers at work and keeps them from renaming or starting any: for a process that
+/// is about to exit without waiting for them. Whoever writes afterwards blocks for ever.
+void abandon_unfinished();
+
 }  // namespace interglow::files
