@@ -3,6 +3,7 @@
 
 #include <OpenImageIO/imageio.h>
 #include <fmt/format.h>
+#include <tbb/global_control.h>
 
 #include <cassert>
 #include <fstream>
@@ -15,6 +16,14 @@ namespace interglow::image {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// OpenImageIO and OpenEXR keep threads of their own: as many as oneTBB may use here and now.
+void match_thread_count() {
+  const auto allowed =
+      static_cast<int>(tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism));
+  OIIO::attribute("threads", allowed);
+  OIIO::attribute("exr_threads", allowed > 1 ? allowed : -1);  // -1: none besides the caller's
+}
 
 void require_exr(const fs::path& path) {
   std::error_code error;
@@ -56,6 +65,7 @@ void require_plausible_size(const fs::path& path, const OIIO::ImageSpec& spec, d
 }
 
 void write(const fs::path& path, const OIIO::ImageSpec& spec, const void* value) {
+  match_thread_count();
   files::write_atomically(path, [&](const fs::path& temporary) {
     const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(path.extension().string().substr(1));
     if (!output) fail_write(path, OIIO::geterror());
@@ -151,6 +161,7 @@ void write_grey_words(const fs::path& path, int width, int height, const std::ve
 
 ChannelImage read_exr_channels(const fs::path& path) {
   require_exr(path);
+  match_thread_count();
   const std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path.string());
   if (!input) {
     throw InvalidInput(

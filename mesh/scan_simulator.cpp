@@ -5,7 +5,6 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <functional>
 #include <map>
@@ -14,6 +13,7 @@
 
 #include "diagnostics/error.h"
 #include "files/atomic_file.h"
+#include "mesh/mesh_writer.h"
 
 namespace interglow::mesh {
 namespace {
@@ -255,31 +255,6 @@ Sheet groove_side(const std::string& name, double side, const ScanSimulationPara
           along.x(), along.z(), params.radius_mm, params.length_mm, normal.x(), normal.z())};
 }
 
-std::string obj_text(const TriangleMesh& mesh) {
-  std::string text = "# simulated scan, mm\n";
-  for (const Vector3d& p : mesh.points) text += fmt::format("v {:.7g} {:.7g} {:.7g}\n", p.x(), p.y(), p.z());
-  for (const auto& t : mesh.triangles) text += fmt::format("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1);
-  return text;
-}
-
-std::string ply_bytes(const TriangleMesh& mesh) {
-  std::string bytes = fmt::format(
-      "ply\nformat binary_little_endian 1.0\ncomment simulated scan, mm\nelement vertex {}\nproperty float x\nproperty "
-      "float y\n"
-      "property float z\nelement face {}\nproperty list uchar int vertex_indices\nend_header\n",
-      mesh.points.size(), mesh.triangles.size());
-  const auto append = [&](std::uint32_t word) {
-    for (int shift = 0; shift < 32; shift += 8) bytes.push_back(static_cast<char>(word >> shift & 0xff));
-  };
-  for (const Vector3d& p : mesh.points)
-    for (int k = 0; k < 3; ++k) append(std::bit_cast<std::uint32_t>(static_cast<float>(p[k])));
-  for (const auto& t : mesh.triangles) {
-    bytes.push_back(3);
-    for (int v : t) append(static_cast<std::uint32_t>(v));
-  }
-  return bytes;
-}
-
 }  // namespace
 
 void validate(const ScanSimulationParams& params) {
@@ -347,7 +322,7 @@ std::vector<std::filesystem::path> write_simulated_scan(const std::vector<Simula
   for (const SimulatedObject& object : objects) {
     const std::string file = fmt::format("{}_{}.{}", name, object.name, extension);
     written.push_back(folder / file);
-    files::write_text_atomically(written.back(), extension == "ply" ? ply_bytes(object.scan) : obj_text(object.scan));
+    write_mesh(written.back(), object.scan, "simulated scan");
     truths += fmt::format(
         "{}\n  {{\"object\": \"{}\", \"file\": \"{}\", \"points\": {}, \"triangles\": {}, \"true_surface\": {}}}",
         truths.empty() ? "" : ",", object.name, file, object.scan.points.size(), object.scan.triangles.size(),

@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 
 #include "image/spectral_exr.h"
+#include "tests/cli/program.h"
 
 namespace interglow {
 namespace {
@@ -19,23 +18,10 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-struct ProgramRun {
-  int status = -1;
-  std::string output;  ///< stdout and stderr
-};
+using cli::ProgramRun;
 
-/// Runs the program with arguments that need no quoting.
-ProgramRun run_program(const std::string& arguments) {
-  ProgramRun run;
-  FILE* pipe = ::popen((std::string(INTERGLOW_PROGRAM) + " " + arguments + " 2>&1").c_str(), "r");
-  if (pipe == nullptr) return run;
-  char buffer[4096];
-  for (std::size_t count = 0; (count = std::fread(buffer, 1, sizeof buffer, pipe)) > 0;)
-    run.output.append(buffer, count);
-  const int status = ::pclose(pipe);
-  run.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  return run;
-}
+/// Arguments that need no quoting; stdout and stderr.
+ProgramRun run_program(const std::string& arguments) { return cli::run_program(arguments + " 2>&1"); }
 
 class CompareCommand : public ::testing::Test {
  protected:
