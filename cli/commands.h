@@ -14,6 +14,7 @@ void add_inspect_command(CLI::App& app, Session& session, std::function<int()>& 
 void add_compare_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_cross_check_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_capture_command(CLI::App& app, Session& session, std::function<int()>& action);
+void add_export_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_register_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_decompose_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_simulate_capture_command(CLI::App& app, Session& session, std::function<int()>& action);

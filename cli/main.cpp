@@ -17,6 +17,7 @@ int main(int argc, char** argv) {
   add_compare_command(app, session, action);
   add_cross_check_command(app, session, action);
   add_capture_command(app, session, action);
+  add_export_command(app, session, action);
   add_register_command(app, session, action);
   add_decompose_command(app, session, action);
   add_simulate_capture_command(app, session, action);

@@ -43,6 +43,7 @@ target_include_directories(matio::matio SYSTEM INTERFACE ${MATIO_INCLUDE_DIR} ${
 target_link_libraries(matio::matio INTERFACE ${MATIO_LIBRARY} ${HDF5_LIBRARY})
 if(INTERGLOW_BUILD_TESTS)
   interglow_find(GTest libgtest-dev)
+  interglow_find(pugixml libpugixml-dev CONFIG)
 endif()
 if(INTERGLOW_BUILD_BENCHMARKS)
   interglow_find(benchmark libbenchmark-dev CONFIG)

@@ -1,0 +1,372 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What is written is read back by other means (pugixml; a small reader of pbrt's words; the mesh reader) and taken
+// through each renderer's own documented rules, which must lead to the rays, radiances and surfaces of the scene.
+#include "exchange/renderer_export.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <numbers>
+#include <pugixml.hpp>
+#include <sstream>
+#include <string>
+
+#include "mesh/scan_file.h"
+
+namespace interglow::exchange {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using std::numbers::pi;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+/// A two-sided square of two sizes of faces, a lamp, a sheet of fluorescent paper; sun, sky; a wide picture.
+scene::Scene example() {
+  scene::Scene scene;
+  scene.grid = spectral::WavelengthGrid::uniform(400, 700, 100);
+  const auto material = [](const char* name, double first, double last) {
+    return spectral::Material{name, {VectorXd::LinSpaced(4, first, last), Eigen::MatrixXd::Zero(4, 4)}};
+  };
+  scene.materials = {material("grey", 0.1, 0.7), material("glow", 1.0 / 3, 0.2)};
+  scene.materials[1].donaldson.luminescence(2, 0) = 0.15;
+  scene.materials[1].donaldson.luminescence(3, 0) = 0.05;
+  scene::Object sheet{.name = "a sheet"};
+  sheet.patches.points = {{0, 0, 0}, {3, 0, 0}, {3, 2, 0}, {0, 2, 0}, {5, 0, 1.0 / 3}};
+  sheet.patches.faces = {{0, 1, 2, 3}, {1, 4, 2, -1}};
+  sheet.sides = scene::Sides::kTwo;
+  scene::Object lamp{.name = "lamp"};
+  lamp.patches.points = {{0, 0, 9}, {0, 1, 9}, {1, 0, 9}};
+  lamp.patches.faces = {{0, 1, 2, -1}};
+  lamp.material = 1;
+  lamp.exitance = VectorXd::LinSpaced(4, 1.0, 4.0);
+  scene.objects = {sheet, lamp};
+  scene.directional_lights = {{"sun", Vector3d(1, 2, -2) / 3.0, VectorXd::LinSpaced(4, 0.5, 2.0), 0.01}};
+  scene.sky = scene::SkyLight{"sky", VectorXd::Constant(4, 0.25)};
+  scene.camera.position = {10, -40, 30};
+  scene.camera.target = {1, 1, 0};
+  scene.camera.up = {0, 0, 1};
+  scene.camera.horizontal_fov_deg = 50;
+  scene.camera.width = 320;
+  scene.camera.height = 200;
+  scene.camera.first_band = 1;
+  scene.camera.last_band = 3;
+  return scene;
+}
+
+/// The rule of scene::Camera for the middle of a pixel, normalised.
+Vector3d ray(const scene::Camera& camera, int row, int column) {
+  const Vector3d forward = (camera.target - camera.position).normalized();
+  const Vector3d right = forward.cross(camera.up).normalized();
+  const Vector3d up = right.cross(forward);
+  const double h = std::tan(camera.horizontal_fov_deg * pi / 360);
+  return (forward + (2 * (column + 0.5) / camera.width - 1) * h * right +
+          (1 - 2 * (row + 0.5) / camera.height) * h * camera.height / camera.width * up)
+      .normalized();
+}
+
+std::vector<double> numbers(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c == ',' || c == ':'; }, ' ');
+  std::istringstream words(text);
+  std::vector<double> found;
+  for (double number = 0; words >> number;) found.push_back(number);
+  return found;
+}
+
+Vector3d vector(const std::string& text) {
+  const std::vector<double> xyz = numbers(text);
+  if (xyz.size() != 3) throw std::runtime_error("not three numbers: " + text);
+  return {xyz[0], xyz[1], xyz[2]};
+}
+
+class RendererExportTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() /
+              ("interglow_export_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + "_" +
+               std::to_string(::getpid()));
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  void expect_same_surfaces(const scene::Scene& scene, const RendererExport& written) const {
+    ASSERT_EQ(written.files.size(), 1 + scene.objects.size());
+    for (std::size_t o = 0; o < scene.objects.size(); ++o) {
+      const mesh::TriangleMesh read = mesh::read_scan(written.files[o + 1]).mesh;
+      std::size_t triangles = 0;
+      Vector3d wanted = Vector3d::Zero();  // area times normal: size and orientation
+      for (const mesh::Face& face : scene.objects[o].patches.faces) {
+        triangles += mesh::corner_count(face) == 4 ? 2 : 1;
+        wanted += mesh::vector_area(scene.objects[o].patches, face);
+      }
+      Vector3d found = Vector3d::Zero();
+      double area = 0.0;
+      for (const auto& [a, b, c] : read.triangles) {
+        const auto at = [&](int p) { return read.points[static_cast<std::size_t>(p)]; };
+        const Vector3d part = 0.5 * (at(b) - at(a)).cross(at(c) - at(a));
+        found += part;
+        area += part.norm();
+      }
+      EXPECT_EQ(read.triangles.size(), triangles);
+      EXPECT_LT((found - wanted).norm(), 1e-14 * wanted.norm());
+      EXPECT_NEAR(area, mesh::total_area(scene.objects[o].patches), 1e-14 * area);
+    }
+  }
+
+  std::filesystem::path folder_;
+};
+
+// ---- Mitsuba
+
+/// A spectrum's nodes in the way of either version.
+std::pair<std::vector<double>, std::vector<double>> mitsuba_nodes(const pugi::xml_node& spectrum) {
+  if (std::string(spectrum.attribute("type").value()) == "irregular") {
+    return {numbers(spectrum.find_child_by_attribute("name", "wavelengths").attribute("value").value()),
+            numbers(spectrum.find_child_by_attribute("name", "values").attribute("value").value())};
+  }
+  const std::vector<double> pairs = numbers(spectrum.attribute("value").value());
+  std::pair<std::vector<double>, std::vector<double>> nodes;
+  for (std::size_t i = 0; i + 1 < pairs.size(); i += 2) {
+    nodes.first.push_back(pairs[i]);
+    nodes.second.push_back(pairs[i + 1]);
+  }
+  return nodes;
+}
+
+/// Linear between the centres of the bands, constant to the outer edges; every bit of the values is kept.
+void expect_spectrum(const std::pair<std::vector<double>, std::vector<double>>& nodes, const VectorXd& bands,
+                     double factor = 1.0) {
+  EXPECT_THAT(nodes.first, ElementsAre(350, 400, 500, 600, 700, 750));
+  EXPECT_THAT(nodes.second, ElementsAre(bands[0] * factor, bands[0] * factor, bands[1] * factor, bands[2] * factor,
+                                        bands[3] * factor, bands[3] * factor));
+}
+
+struct MitsubaWords {
+  Renderer renderer;
+  const char *to_world, *fov_axis, *max_depth, *face_normals;
+};
+
+class MitsubaExport : public RendererExportTest, public testing::WithParamInterface<MitsubaWords> {};
+
+TEST_P(MitsubaExport, SaysWhatTheSceneSays) {
+  const scene::Scene scene = example();
+  const RendererExport written = export_for_renderer(scene, GetParam().renderer, folder_, {.bounces = 3});
+  expect_same_surfaces(scene, written);
+  pugi::xml_document document;
+  ASSERT_TRUE(document.load_file(written.files[0].c_str()));
+  const pugi::xml_node root = document.child("scene");
+  const auto named = [](const pugi::xml_node& node, const char* name) {
+    return node.find_child_by_attribute("name", name);
+  };
+
+  // Camera: a look-at frame with left = up × forward; sample position x grows to the right of the picture, where the
+  // frame's x falls; the horizontal field of view.
+  const pugi::xml_node sensor = root.child("sensor");
+  const pugi::xml_node lookat = named(sensor, GetParam().to_world).child("lookat");
+  const Vector3d origin = vector(lookat.attribute("origin").value());
+  const Vector3d forward = (vector(lookat.attribute("target").value()) - origin).normalized();
+  const Vector3d left = vector(lookat.attribute("up").value()).cross(forward).normalized();
+  const Vector3d up = forward.cross(left);
+  EXPECT_EQ(origin, scene.camera.position);
+  EXPECT_STREQ(named(sensor, GetParam().fov_axis).attribute("value").value(), "x");
+  const double h = std::tan(named(sensor, "fov").attribute("value").as_double() * pi / 360);
+  const pugi::xml_node film = sensor.child("film");
+  const int width = named(film, "width").attribute("value").as_int();
+  const int height = named(film, "height").attribute("value").as_int();
+  EXPECT_EQ(width, 320);
+  EXPECT_EQ(height, 200);
+  for (const auto& [row, column] : {std::pair{0, 0}, {13, 301}, {199, 40}}) {
+    const double x = (1 - 2 * (column + 0.5) / width) * h;
+    const double y = (1 - 2 * (row + 0.5) / height) * h * height / width;
+    EXPECT_LT(((forward + x * left + y * up).normalized() - ray(scene.camera, row, column)).norm(), 1e-14);
+  }
+
+  // Depth 2 is direct light.
+  EXPECT_EQ(named(root.child("integrator"), GetParam().max_depth).attribute("value").as_int(), 5);
+
+  const pugi::xml_node sun = root.find_child_by_attribute("type", "directional");
+  const pugi::xml_node direction = sun.child("vector");
+  EXPECT_EQ(Vector3d(direction.attribute("x").as_double(), direction.attribute("y").as_double(),
+                     direction.attribute("z").as_double()),
+            scene.directional_lights[0].direction);
+  expect_spectrum(mitsuba_nodes(sun.child("spectrum")), scene.directional_lights[0].normal_irradiance);
+  expect_spectrum(mitsuba_nodes(root.find_child_by_attribute("type", "constant").child("spectrum")),
+                  scene.sky->radiance);
+
+  const pugi::xml_node sheet = root.child("shape");
+  const pugi::xml_node lamp = sheet.next_sibling("shape");
+  ASSERT_FALSE(lamp.next_sibling("shape"));
+  EXPECT_EQ(folder_ / named(sheet, "filename").attribute("value").value(), written.files[1]);
+  EXPECT_TRUE(named(sheet, GetParam().face_normals).attribute("value").as_bool());
+  EXPECT_STREQ(sheet.child("bsdf").attribute("type").value(), "twosided");
+  expect_spectrum(mitsuba_nodes(sheet.child("bsdf").child("bsdf").child("spectrum")),
+                  scene.materials[0].donaldson.reflectance);
+  EXPECT_FALSE(sheet.child("emitter"));
+  EXPECT_STREQ(lamp.child("bsdf").attribute("type").value(), "diffuse");
+  expect_spectrum(mitsuba_nodes(lamp.child("bsdf").child("spectrum")), scene.materials[1].donaldson.reflectance);
+  // Radiance of a diffuse emitter: exitance / π.
+  const auto nodes = mitsuba_nodes(lamp.child("emitter").child("spectrum"));
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_DOUBLE_EQ(nodes.second[i + 1] * pi, scene.objects[1].exitance[i]);
+
+  EXPECT_THAT(written.warnings, ElementsAre(testing::AllOf(HasSubstr("\"glow\" fluoresces"), HasSubstr("20 %")),
+                                            HasSubstr("\"sun\""), HasSubstr("\"sky\"")));
+}
+
+TEST_P(MitsubaExport, FollowsAllBouncesUnlessTold) {
+  const RendererExport written = export_for_renderer(example(), GetParam().renderer, folder_);
+  pugi::xml_document document;
+  ASSERT_TRUE(document.load_file(written.files[0].c_str()));
+  EXPECT_EQ(document.child("scene")
+                .child("integrator")
+                .find_child_by_attribute("name", GetParam().max_depth)
+                .attribute("value")
+                .as_int(),
+            -1);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Versions, MitsubaExport,
+    testing::Values(MitsubaWords{Renderer::kMitsuba3, "to_world", "fov_axis", "max_depth", "face_normals"},
+                    MitsubaWords{Renderer::kMitsuba06, "toWorld", "fovAxis", "maxDepth", "faceNormals"}),
+    [](const auto& instance) { return instance.param.renderer == Renderer::kMitsuba3 ? "Mitsuba3" : "Mitsuba06"; });
+
+// ---- pbrt
+
+/// A statement of a pbrt file: its name, its kind, and parameters "type name" [ values ].
+struct Statement {
+  std::string name, kind;
+  std::vector<double> plain;                  ///< numbers that follow the name
+  std::map<std::string, std::string> values;  ///< by "type name"
+};
+
+std::vector<Statement> read_pbrt(const std::filesystem::path& path) {
+  std::ifstream file(path);
+  std::vector<std::string> tokens;
+  for (std::string line; std::getline(file, line);) {
+    line = line.substr(0, line.find('#'));
+    for (std::size_t i = 0; i < line.size();) {
+      if (std::isspace(static_cast<unsigned char>(line[i])) != 0) {
+        ++i;
+      } else if (line[i] == '"') {
+        const std::size_t end = line.find('"', i + 1);
+        tokens.push_back(line.substr(i, end - i + 1));
+        i = end + 1;
+      } else {
+        const std::size_t end = std::min(line.find_first_of(" \t", i), line.size());
+        tokens.push_back(line.substr(i, end - i));
+        i = end;
+      }
+    }
+  }
+  std::vector<Statement> statements;
+  const auto bare = [](const std::string& token) { return token.substr(1, token.size() - 2); };
+  for (std::size_t t = 0; t < tokens.size(); ++t) {
+    const std::string& token = tokens[t];
+    if (token[0] == '"' && statements.back().kind.empty()) {
+      statements.back().kind = bare(token);
+    } else if (token[0] == '"') {
+      std::string& value = statements.back().values[bare(token)];
+      EXPECT_EQ(tokens.at(++t), "[");
+      while (tokens.at(++t) != "]") value += (value.empty() ? "" : " ") + tokens[t];
+    } else if (std::isalpha(static_cast<unsigned char>(token[0])) != 0) {
+      statements.push_back({token, "", {}, {}});
+    } else {
+      statements.back().plain.push_back(std::stod(token));
+    }
+  }
+  return statements;
+}
+
+const Statement& find(const std::vector<Statement>& statements, const std::string& name, const std::string& kind = "") {
+  const auto is_it = [&](const Statement& s) { return s.name == name && (kind.empty() || s.kind == kind); };
+  const auto found = std::find_if(statements.begin(), statements.end(), is_it);
+  if (found == statements.end()) throw std::runtime_error("no " + name + " " + kind);
+  return *found;
+}
+
+std::pair<std::vector<double>, std::vector<double>> pbrt_nodes(const std::string& text) {
+  const std::vector<double> pairs = numbers(text);
+  std::pair<std::vector<double>, std::vector<double>> nodes;
+  for (std::size_t i = 0; i + 1 < pairs.size(); i += 2) {
+    nodes.first.push_back(pairs[i]);
+    nodes.second.push_back(pairs[i + 1]);
+  }
+  return nodes;
+}
+
+using PbrtExport = RendererExportTest;
+
+TEST_F(PbrtExport, SaysWhatTheSceneSays) {
+  const scene::Scene scene = example();
+  const RendererExport written = export_for_renderer(scene, Renderer::kPbrt4, folder_, {.bounces = 3});
+  expect_same_surfaces(scene, written);
+  const std::vector<Statement> statements = read_pbrt(written.files[0]);
+
+  // Camera: camera from world = scale × look-at, whose rows are up × forward, forward × (up × forward), forward; x
+  // grows to the right of the picture; the field of view is that of the narrower side.
+  const std::vector<double>& scale = find(statements, "Scale").plain;
+  const std::vector<double>& look = find(statements, "LookAt").plain;
+  ASSERT_EQ(scale.size(), 3U);
+  ASSERT_EQ(look.size(), 9U);
+  const Vector3d origin(look[0], look[1], look[2]);
+  const Vector3d forward = (Vector3d(look[3], look[4], look[5]) - origin).normalized();
+  const Vector3d x_axis = Vector3d(look[6], look[7], look[8]).cross(forward).normalized();
+  const Vector3d y_axis = forward.cross(x_axis);
+  EXPECT_EQ(origin, scene.camera.position);
+  const Statement& film = find(statements, "Film", "spectral");
+  const int width = std::stoi(film.values.at("integer xresolution"));
+  const int height = std::stoi(film.values.at("integer yresolution"));
+  const double t = std::tan(std::stod(find(statements, "Camera").values.at("float fov")) * pi / 360);
+  for (const auto& [row, column] : {std::pair{0, 0}, {13, 301}, {199, 40}}) {
+    const double narrower = std::min(width, height);
+    const double x = scale[0] * (2 * (column + 0.5) - width) / narrower * t;
+    const double y = scale[1] * (height - 2 * (row + 0.5)) / narrower * t;
+    const Vector3d found = (scale[2] * forward + x * x_axis + y * y_axis).normalized();
+    EXPECT_LT((found - ray(scene.camera, row, column)).norm(), 1e-13);
+  }
+  // The camera's bands 500 to 700 nm.
+  EXPECT_EQ(film.values.at("integer nbuckets"), "3");
+  EXPECT_EQ(std::stod(film.values.at("float lambdamin")), 450);
+  EXPECT_EQ(std::stod(film.values.at("float lambdamax")), 750);
+  EXPECT_EQ(find(statements, "Integrator").values.at("integer maxdepth"), "4") << "1 is direct light";
+
+  const Statement& sun = find(statements, "LightSource", "distant");
+  const Vector3d travels = vector(sun.values.at("point3 to")) - vector(sun.values.at("point3 from"));
+  EXPECT_LT((travels - scene.directional_lights[0].direction).norm(), 1e-15);
+  expect_spectrum(pbrt_nodes(sun.values.at("spectrum L")), scene.directional_lights[0].normal_irradiance);
+  expect_spectrum(pbrt_nodes(find(statements, "LightSource", "infinite").values.at("spectrum L")), scene.sky->radiance);
+  expect_spectrum(pbrt_nodes(find(statements, "Material").values.at("spectrum reflectance")),
+                  scene.materials[0].donaldson.reflectance);
+  const auto glow = pbrt_nodes(find(statements, "AreaLightSource").values.at("spectrum L"));
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_DOUBLE_EQ(glow.second[i + 1] * pi, scene.objects[1].exitance[i]);
+
+  EXPECT_THAT(written.warnings, ElementsAre(HasSubstr("\"glow\" fluoresces"), HasSubstr("\"sun\""),
+                                            HasSubstr("\"sky\""), HasSubstr("\"lamp\" is a sheet")));
+}
+
+// pbrt divides a light's spectrum by Σ ȳ(λ) L(λ) over whole nanometres, 106.856895 for L = 1 from 360 to 830 nm (CIE
+// 15:2004, table T.4; pbrt's CIE_Y_integral), and multiplies it by "scale".
+TEST_F(PbrtExport, ScalesUndoTheDivisionByLuminance) {
+  scene::Scene scene = example();
+  scene.grid = spectral::WavelengthGrid::uniform(360, 840, 160);
+  scene.sky->radiance = VectorXd::Constant(4, 1.0);
+  const RendererExport written = export_for_renderer(scene, Renderer::kPbrt4, folder_);
+  const std::vector<Statement> statements = read_pbrt(written.files[0]);
+  EXPECT_NEAR(std::stod(find(statements, "LightSource", "infinite").values.at("float scale")), 106.856895, 1e-3);
+}
+
+TEST_F(PbrtExport, RefusesParamsOutOfRange) {
+  EXPECT_THROW(export_for_renderer(example(), Renderer::kPbrt4, folder_, {.bounces = -1}), InvalidParams);
+  EXPECT_THROW(export_for_renderer(example(), Renderer::kPbrt4, folder_, {.samples_per_pixel = 0}), InvalidParams);
+  EXPECT_FALSE(std::filesystem::exists(folder_));
+}
+
+}  // namespace
+}  // namespace interglow::exchange
