@@ -299,9 +299,14 @@ Agreement judge(const std::vector<Comparison>& comparisons, const AgreementParam
   }
   detect_differences(agreement.regions, 1.0 - params.confidence);
   agreement.verdict = agreement.regions.empty() ? Verdict::kUndecided : Verdict::kAgrees;
+  const auto is_undecided = [](const RegionResult& region) { return region.verdict == Verdict::kUndecided; };
+  const auto can_be_decided = [&](const RegionResult& region) {
+    return is_undecided(region) && std::isfinite(region.samples_factor);
+  };
+  agreement.decidable = std::none_of(agreement.regions.begin(), agreement.regions.end(), is_undecided) ||
+                        std::any_of(agreement.regions.begin(), agreement.regions.end(), can_be_decided);
   for (const RegionResult& region : agreement.regions) {
     agreement.difference_detected |= region.difference_detected;
-    agreement.decidable &= std::isfinite(region.samples_factor);
     if (std::isfinite(region.samples_factor))
       agreement.samples_factor = std::max(agreement.samples_factor, region.samples_factor);
     if (region.verdict == Verdict::kDisagrees) agreement.verdict = Verdict::kDisagrees;

@@ -85,7 +85,7 @@ struct Agreement {
   Verdict verdict = Verdict::kUndecided;  ///< agrees: every region does; disagrees: at least one does
   bool difference_detected = false;
   double samples_factor = 1.0;  ///< largest finite one of the regions
-  bool decidable = true;        ///< more samples can still decide every undecided region
+  bool decidable = true;        ///< none is undecided, or more samples can decide one that is
 };
 
 /// @throws InvalidInput if sizes or bands of candidate and reference differ, naming both

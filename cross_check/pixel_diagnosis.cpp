@@ -14,7 +14,7 @@
 namespace interglow::cross_check {
 namespace {
 
-/// Relative difference that storing a sum of floats explains.
+/// Relative difference that computing and storing in single precision explains.
 constexpr double kStorageRounding = 1e-5;
 
 /// Marks the pixels within `radius` of a boundary between covered (non-zero) and empty pixels of the reference.
@@ -88,10 +88,13 @@ PixelDiagnosis diagnose(const Comparison& comparison, const DiagnosisParams& par
           static_cast<double>(candidate.value[p * bands + b]) * comparison.band_width_nm[static_cast<Eigen::Index>(b)];
     }
     const double difference = value - reference[p];
-    if (error[p] > 0.0) {
-      diagnosis.z[p] = difference / error[p];
-      if (diagnosis.near_silhouette[p] == 0) judged.push_back(p);
-    } else if (std::abs(difference) > kStorageRounding * std::abs(reference[p]) && diagnosis.near_silhouette[p] == 0) {
+    const double rounding = kStorageRounding * std::abs(reference[p]);
+    const double least_error = std::max(error[p], rounding);
+    if (least_error > 0.0) diagnosis.z[p] = difference / least_error;
+    if (diagnosis.near_silhouette[p] != 0) continue;
+    if (error[p] > rounding) {
+      judged.push_back(p);
+    } else if (std::abs(difference) > rounding) {
       ++diagnosis.certain_differences;
     }
   }

@@ -10,7 +10,8 @@
 namespace interglow::cross_check {
 
 struct PixelDiagnosis {
-  /// (candidate - reference) / standard error of the band integrals; 0 where both are 0.
+  /// (candidate - reference) / standard error of the band integrals, or over the rounding of single precision (1e-5 of
+  /// the reference) where that is larger; 0 where both are 0.
   std::vector<double> z;
   /// Pixels within `silhouette_px` of an edge of what the reference shows; left out of the figures below.
   std::vector<char> near_silhouette;
@@ -25,7 +26,8 @@ struct PixelDiagnosis {
   double autocorrelation = 0.0;
   /// The same in standard deviations of its chance value, (autocorrelation × √pairs).
   double autocorrelation_z = 0.0;
-  /// Pixels where the reference has no scatter but the values differ by more than float storage explains.
+  /// Pixels where the reference scatters less than single precision rounds (they are not judged), but the values differ
+  /// by more.
   int certain_differences = 0;
 };
 

@@ -297,6 +297,34 @@ Json result_json(const CrossCheck& check, const CrossCheckParams& params) {
 
 }  // namespace
 
+namespace {
+
+/// Samples cannot decide some regions; for the others there were too few.
+std::string why_undecided(const CrossCheck& check) {
+  const auto is_full = [](const RegionResult& region) {
+    return region.verdict == Verdict::kUndecided && std::isinf(region.samples_factor);
+  };
+  const auto full =
+      static_cast<std::size_t>(std::count_if(check.agreement.regions.begin(), check.agreement.regions.end(), is_full));
+  const std::size_t noisy = count(check, Verdict::kUndecided) - full;
+  std::string why;
+  if (full > 0) {
+    why = fmt::format(
+        "{} whatever the samples, because discretisation error and difference fill the margin (smaller "
+        "patches help)",
+        full);
+  }
+  if (noisy > 0) {
+    why += fmt::format("{}{} because {}", why.empty() ? "" : ", ", noisy,
+                       check.paths == 0    ? "the reference image is too noisy"
+                       : check.out_of_time ? "time ran out"
+                                           : "more samples would be needed");
+  }
+  return why;
+}
+
+}  // namespace
+
 std::string verdict_sentence(const CrossCheck& check, const CrossCheckParams& params) {
   const std::string sides = fmt::format("{} and {}", check.candidate_name, check.reference_name);
   const std::size_t regions = check.agreement.regions.size();
@@ -320,13 +348,9 @@ std::string verdict_sentence(const CrossCheck& check, const CrossCheckParams& pa
     return fmt::format("{} differ by more than {} in {} of {} regions; the worst is {}.", sides,
                        percent(params.agreement.margin), count(check, Verdict::kDisagrees), regions, where);
   }
-  return fmt::format(
-      "{} of {} regions agree within {}, {} are undecided{}; the widest is {}.", count(check, Verdict::kAgrees),
-      regions, percent(params.agreement.margin), count(check, Verdict::kUndecided),
-      check.out_of_time            ? " because time ran out"
-      : !check.agreement.decidable ? " whatever the samples, because the discretisation error fills the margin"
-                                   : "",
-      where);
+  return fmt::format("{} of {} regions agree within {}, {} are undecided: {}; the widest is {}.",
+                     count(check, Verdict::kAgrees), regions, percent(params.agreement.margin),
+                     count(check, Verdict::kUndecided), why_undecided(check), where);
 }
 
 report::Json report_document(const CrossCheck& check, const CrossCheckParams& params, const Provenance& provenance) {

@@ -132,6 +132,22 @@ TEST(Agreement, DiscretisationErrorCountsInsideTheMargin) {
   EXPECT_EQ(judge({refined}, {.tiles_per_side = 1}).verdict, Verdict::kUndecided);
 }
 
+// Patches too coarse for one tile do not stop the sampling that other tiles need.
+TEST(Agreement, OneHopelessTileDoesNotEndTheSampling) {
+  std::mt19937_64 random(15);
+  Comparison two = comparison(8, 1.0, simulate(8, 1.0, 0.05, false, random));
+  two.coarser = two.candidate;
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 4; ++column) two.coarser->pixel(row, column)[0] = 1.1F;
+  }
+  two.tiles_per_side = 2;
+  const Agreement both = judge({two}, {});
+  EXPECT_EQ(both.verdict, Verdict::kUndecided);
+  EXPECT_TRUE(both.decidable);
+  for (float& value : two.coarser->value) value = 1.1F;
+  EXPECT_FALSE(judge({two}, {}).decidable);
+}
+
 TEST(Agreement, PlannedSamplesDecide) {
   std::mt19937_64 random(9);
   const double sd = 3.0 * kBatchSd;
@@ -189,6 +205,23 @@ TEST(PixelDiagnosis, FindsAFaultThatTheWholePictureHides) {
   const PixelDiagnosis diagnosis = diagnose(faulty);
   EXPECT_GE(diagnosis.significant_pixels, 15);
   EXPECT_GT(diagnosis.autocorrelation_z, 10.0);
+}
+
+// Direct light without noise differs by the rounding of another renderer's single precision: no z says anything there.
+TEST(PixelDiagnosis, RoundingIsNotScatter) {
+  std::mt19937_64 random(16);
+  Comparison quiet = comparison(16, 1.0, simulate(16, 1.0, 0.2, false, random));
+  for (std::size_t p = 0; p < 128; ++p) {
+    quiet.reference.integral_mean[p] = 1.0 + 3e-6;
+    quiet.reference.integral_standard_error[p] = 1e-9;
+  }
+  const PixelDiagnosis diagnosis = diagnose(quiet);
+  EXPECT_EQ(diagnosis.judged_pixels, 128);
+  EXPECT_EQ(diagnosis.certain_differences, 0);
+  // 128 values of z² with a relative standard deviation near 1.55 / sqrt(128) of their mean.
+  EXPECT_NEAR(diagnosis.z_rms, diagnosis.expected_z_rms, 5.0 * 0.5 * 1.55 / std::sqrt(128.0));
+  quiet.candidate.value[5] = 1.0001F;
+  EXPECT_EQ(diagnose(quiet).certain_differences, 1);
 }
 
 TEST(PixelDiagnosis, LeavesOutTheSilhouette) {
