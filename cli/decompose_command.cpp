@@ -10,11 +10,11 @@
 #include <string>
 
 #include "cli/commands.h"
+#include "cli/shading_files.h"
 #include "cli/spectral_input.h"
 #include "diagnostics/error.h"
 #include "files/atomic_file.h"
 #include "fitting/decomposition.h"
-#include "image/channel_file.h"
 #include "spectral/spectrum.h"
 #include "spectral/table_file.h"
 
@@ -51,21 +51,6 @@ fitting::ComponentBasis read_basis(const std::string& text, const Eigen::VectorX
   return basis;
 }
 
-image::ChannelImage shading_channels(const fitting::Decomposition& found) {
-  image::ChannelImage channels{.width = found.width,
-                               .height = found.height,
-                               .channel = found.name,
-                               .value = {},
-                               .attributes = {{"Software", "interglow " INTERGLOW_VERSION}},
-                               .numbers = {}};
-  channels.channel.push_back("relative_residual");
-  for (std::size_t p = 0; p < found.relative_residual.value.size(); ++p) {
-    for (const image::ScalarMap& map : found.shading) channels.value.push_back(map.value[p]);
-    channels.value.push_back(found.relative_residual.value[p]);
-  }
-  return channels;
-}
-
 int decompose(const Options& options) {
   SpectralInput input = read_spectral_input(options.image);
   apply_mask(input, options.mask);
@@ -75,21 +60,13 @@ int decompose(const Options& options) {
   for (const std::uint8_t use : input.use) object.push_back(use != 0 ? 0 : -1);
   const fitting::Decomposition found = fitting::decompose(
       image, object, {basis}, {.sign = options.any_sign ? fitting::Sign::kAny : fitting::Sign::kNonNegative});
-  const fitting::BasisQuality& quality = found.quality.front();
-  const nlohmann::json figures = {
-      {"image", options.image},
-      {"version", INTERGLOW_VERSION},
-      {"components", found.name},
-      {"pixels", found.pixels},
-      {"bounded_pixels", found.bounded},
-      {"relative_residual", found.total_relative_residual},
-      {"condition_number", quality.condition_number},
-      {"singular_values", std::vector<double>(quality.singular_value.begin(), quality.singular_value.end())},
-      {"sine_to_span_of_others", std::vector<double>(quality.sine.begin(), quality.sine.end())}};
-  image::write_exr_channels(options.out / "shading.exr", shading_channels(found));
+  nlohmann::json figures = decomposition_json(found);
+  figures["image"] = options.image;
+  figures["version"] = INTERGLOW_VERSION;
+  write_shading(options.out / "shading.exr", found);
   files::write_text_atomically(options.out / "decomposition.json", figures.dump(2) + "\n");
   fmt::print("{} pixels, relative residual {:.3g}, {} with a term held at 0; {}\n", found.pixels,
-             found.total_relative_residual, found.bounded, quality.sentence);
+             found.total_relative_residual, found.bounded, found.quality.front().sentence);
   return kSuccess;
 }
 

@@ -117,7 +117,7 @@ TEST_F(FittingCommands, DecomposeWritesShadingTerms) {
   const nlohmann::json figures = json("out/decomposition.json");
   EXPECT_EQ(figures["pixels"], 2);
   // cos φ = (1·2) / (√2 √5)
-  EXPECT_NEAR(figures["sine_to_span_of_others"][0], std::sqrt(1 - 4.0 / 10.0), 1e-12);
+  EXPECT_NEAR(figures["objects"][0]["sine_to_span_of_others"][0], std::sqrt(1 - 4.0 / 10.0), 1e-12);
 }
 
 TEST_F(FittingCommands, CapturesAreCorrectedConvertedAndDecomposed) {

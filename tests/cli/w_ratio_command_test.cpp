@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "image/spectral_exr.h"
+#include "tests/cli/program.h"
+
+namespace interglow::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::AllOf;
+using testing::HasSubstr;
+
+// Two flat sheets at a right angle, red and yellow. Neither sees itself, so with one bounce the light between them has
+// the spectrum S_i S_j E exactly, which is what the two shading terms assume.
+constexpr const char* kScene = R"([wavelengths]
+first_nm = 450
+last_nm = 650
+step_nm = 50
+[material.red]
+reflectance = "red.csv"
+[material.yellow]
+reflectance = "yellow.csv"
+[object.floor]
+mesh = "floor.obj"
+material = "red"
+remesh = "none"
+subdivide_mm = 8
+[object.wall]
+mesh = "wall.obj"
+material = "yellow"
+remesh = "none"
+subdivide_mm = 8
+[light.sun]
+kind = "directional"
+direction = [-1, 0.2, -1]
+spectrum = 1.0
+[camera]
+position_mm = [200, 20, 200]
+target_mm = [10, 20, 10]
+up = [0, 0, 1]
+horizontal_fov_deg = 12
+width_px = 48
+height_px = 40
+[output]
+contact_region_mm = 12
+)";
+
+class WRatioCommand : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() /
+              (std::string("interglow_w_ratio_") + testing::UnitTest::GetInstance()->current_test_info()->name() + "_" +
+               std::to_string(::getpid()));
+    fs::create_directories(folder_);
+    std::ofstream(folder_ / "floor.obj") << "v 0 0 0\nv 40 0 0\nv 40 40 0\nv 0 40 0\nf 1 2 3 4\n";
+    std::ofstream(folder_ / "wall.obj") << "v 0 0 0\nv 0 40 0\nv 0 40 40\nv 0 0 40\nf 1 2 3 4\n";
+    std::ofstream(folder_ / "red.csv") << "wavelength,r\n400,0.1\n550,0.2\n700,0.8\n";
+    std::ofstream(folder_ / "yellow.csv") << "wavelength,r\n400,0.1\n550,0.7\n700,0.7\n";
+    std::ofstream(folder_ / "one.toml") << kScene << "[solve]\nbounces = 1\n";
+    std::ofstream(folder_ / "all.toml") << kScene;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  std::string file(const std::string& name) const { return (folder_ / name).string(); }
+  ProgramRun ratio(const std::string& scene, const std::string& capture, const std::string& options = "") const {
+    return run_program("w-ratio " + file(scene) + " --capture " + file(capture) + " --out " + file("out") + " " +
+                       options + " 2>&1");
+  }
+  nlohmann::json figures() const {
+    std::ifstream in(folder_ / "out" / "w_ratio.json");
+    return nlohmann::json::parse(in);
+  }
+
+ private:
+  fs::path folder_;
+};
+
+TEST_F(WRatioCommand, FindsTheFactorOfOneBounceExactly) {
+  ASSERT_EQ(run_program("simulate-capture " + file("one.toml") + " --out " + file("cap") +
+                        " --w-ratio 1.5 --white-frames 1 --gain-spread 0.1")
+                .status,
+            0);
+  // Without the camera: what is left is the rounding to single precision and the interpolation of the gather.
+  const ProgramRun exact = ratio("one.toml", "cap/ideal.exr");
+  ASSERT_EQ(exact.status, 0) << exact.output;
+  EXPECT_NEAR(figures()["region"]["w_over_w_simulated"], 1.5, 1e-4);
+  EXPECT_NEAR(figures()["equivalent_factor"]["factor"], 1.5, 1e-4);
+  EXPECT_NEAR(figures()["equivalent_factor"]["slope"], 1.0, 1e-3);
+  EXPECT_EQ(figures()["capture_decomposition"]["components"], (std::vector<std::string>{"re", "rr"}));
+  for (const auto& point : figures()["curve"]) EXPECT_NEAR(point["w_over_w_simulated"], 1.5, 1e-4) << point;
+  // With it: unknown gains cancel against the white frame, noise remains. False-alarm rate 1e-6.
+  const ProgramRun noisy = ratio("one.toml", "cap");
+  ASSERT_EQ(noisy.status, 0) << noisy.output;
+  const double sd = figures()["tile_sd"];
+  EXPECT_LT(sd, 0.05);
+  EXPECT_NEAR(figures()["region"]["w_over_w_simulated"], 1.5, 4.9 * sd);
+}
+
+TEST_F(WRatioCommand, EquivalentFactorDoesNotOweToLaterBounces) {
+  ASSERT_EQ(run_program("simulate-capture " + file("all.toml") + " --out " + file("cap") + " --w-ratio 1.5").status, 0);
+  const ProgramRun run = ratio("all.toml", "cap/ideal.exr");
+  ASSERT_EQ(run.status, 0) << run.output;
+  EXPECT_NEAR(figures()["equivalent_factor"]["factor"], 1.5, 1e-4);
+  EXPECT_THAT(run.output, HasSubstr("1.5000 ± "));
+}
+
+TEST_F(WRatioCommand, NamesWhatItCannotUse) {
+  image::write_spectral_exr(file("tall.exr"),
+                            {40, 48, Eigen::VectorXd::LinSpaced(5, 450, 650), std::vector<float>(40 * 48 * 5, 1.0F)});
+  EXPECT_THAT(ratio("one.toml", "tall.exr").output, AllOf(HasSubstr("40 × 48"), HasSubstr("48 × 40")));
+  image::write_spectral_exr(file("other.exr"),
+                            {48, 40, Eigen::VectorXd::LinSpaced(5, 400, 600), std::vector<float>(40 * 48 * 5, 1.0F)});
+  const ProgramRun bands = ratio("one.toml", "other.exr");
+  EXPECT_EQ(bands.status, 2);
+  EXPECT_THAT(bands.output, HasSubstr("a band at 400 nm"));
+}
+
+}  // namespace
+}  // namespace interglow::cli
