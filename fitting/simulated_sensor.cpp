@@ -2,6 +2,7 @@
 #include "fitting/simulated_sensor.h"
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -17,7 +18,9 @@ namespace {
 /// Normal and Poisson numbers; the standard library's distributions differ between its makers.
 class Noise {
  public:
-  Noise(std::uint64_t seed, std::uint64_t frame) : bits_(seed * 0x9e3779b97f4a7c15ULL + frame) {}
+  /// One sequence for each line of each frame, so that lines can be made in any order.
+  Noise(std::uint64_t seed, std::uint64_t frame, std::uint64_t row = 0)
+      : bits_(seed * 0x9e3779b97f4a7c15ULL + (frame << 32U) + row) {}
 
   double uniform() { return (static_cast<double>(bits_() >> 11) + 0.5) * 0x1.0p-53; }  // in (0, 1)
   double normal() {
@@ -117,8 +120,10 @@ void validate(const SensorParams& params) {
   require(finite(params.response_sigma) && params.response_sigma >= 0.0, "response_sigma", params.response_sigma,
           "a number, at least 0");
   const Affine& map = params.ideal_from_sensor;
-  require(map.linear.allFinite() && map.shift.allFinite() && std::abs(map.linear.determinant()) > 1e-6,
-          "ideal_from_sensor: determinant", map.linear.determinant(), "a finite map that can be inverted");
+  if (!map.linear.allFinite() || !map.shift.allFinite())
+    throw InvalidParams("ideal_from_sensor: not finite; expected finite shift, turn and scale.");
+  require(std::abs(map.linear.determinant()) > 1e-6, "ideal_from_sensor: determinant", map.linear.determinant(),
+          "a map that can be inverted");
   require(params.dark_frames >= 0 && params.dark_frames <= 1000, "dark_frames", params.dark_frames, "0 to 1000");
   require(params.white_frames >= 0 && params.white_frames <= 1000, "white_frames", params.white_frames, "0 to 1000");
 }
@@ -145,23 +150,23 @@ SensorOutput simulate_sensor(const image::SpectralImage& radiance, const SensorP
   output.band_gain = Eigen::VectorXd::Ones(count);
   output.exposure = Eigen::VectorXd::Ones(count);
   output.offset_counts = Eigen::VectorXd::Zero(count);
-  Eigen::VectorXd brightest(count);
   Noise drawn(params.seed, 0);
-  for (std::size_t b = 0; b < bands; ++b) {
-    const auto band = static_cast<Eigen::Index>(b);
-    const image::ScalarMap ideal = band_of(radiance, static_cast<int>(b));
+  for (double& gain : output.band_gain) gain = 1.0 + params.gain_spread * (2.0 * drawn.uniform() - 1.0);
+  Eigen::VectorXd brightest(count);
+  tbb::parallel_for(Eigen::Index{0}, count, [&](Eigen::Index band) {
+    std::vector<double>& here = light[static_cast<std::size_t>(band)];
+    const image::ScalarMap ideal = band_of(radiance, static_cast<int>(band));
     double mean = 0.0;
     for (const float value : ideal.value) mean += value;
     mean /= static_cast<double>(pixels);
-    light[b] = optical_image(ideal, params);
-    const double stray = params.stray * percentile(light[b], 0.999);
-    for (double& value : light[b]) value += stray;
-    output.band_gain[band] = 1.0 + params.gain_spread * (2.0 * drawn.uniform() - 1.0);
-    brightest[band] = percentile(light[b], 0.999);
+    here = optical_image(ideal, params);
+    const double stray = params.stray * percentile(here, 0.999);
+    for (double& value : here) value += stray;
+    brightest[band] = percentile(here, 0.999);
     if (params.white_frames > 0) brightest[band] = std::max(brightest[band], white_radiance[band]);
     brightest[band] *= output.band_gain[band];
     output.offset_counts[band] = params.glare * mean + stray;
-  }
+  });
   const double most = brightest.maxCoeff();
   if (!(most > 0.0)) throw InvalidInput("The radiance to be captured is 0 everywhere. Is the scene lit?");
 
@@ -187,18 +192,21 @@ SensorOutput simulate_sensor(const image::SpectralImage& radiance, const SensorP
   }
   // signal: radiance in a pixel and band; each frame has random numbers of its own
   const auto record = [&](std::uint64_t frame, const auto& signal) {
-    Noise noise(params.seed, frame);
-    image::SpectralImage raw{radiance.width, radiance.height, radiance.wavelength_nm, {}};
-    raw.value.reserve(radiance.value.size());
-    for (std::size_t p = 0; p < pixels; ++p) {
-      for (std::size_t b = 0; b < bands; ++b) {
-        const double counts = signal(p, b) * output.counts_per_radiance[static_cast<Eigen::Index>(b)];
-        double electrons = noise.poisson(std::max(counts, 0.0) * electrons_per_count * response[p]);
-        electrons += params.read_electrons * noise.normal();
-        const double value = std::round(electrons / electrons_per_count + params.black_counts);
-        raw.value.push_back(static_cast<float>(std::clamp(value, 0.0, full_scale)));
+    const auto width = static_cast<std::size_t>(radiance.width);
+    image::SpectralImage raw{radiance.width, radiance.height, radiance.wavelength_nm,
+                             std::vector<float>(radiance.value.size())};
+    tbb::parallel_for(std::size_t{0}, static_cast<std::size_t>(radiance.height), [&](std::size_t row) {
+      Noise noise(params.seed, frame, row);
+      for (std::size_t p = row * width; p < (row + 1) * width; ++p) {
+        for (std::size_t b = 0; b < bands; ++b) {
+          const double counts = signal(p, b) * output.counts_per_radiance[static_cast<Eigen::Index>(b)];
+          double electrons = noise.poisson(std::max(counts, 0.0) * electrons_per_count * response[p]);
+          electrons += params.read_electrons * noise.normal();
+          const double value = std::round(electrons / electrons_per_count + params.black_counts);
+          raw.value[p * bands + b] = static_cast<float>(std::clamp(value, 0.0, full_scale));
+        }
       }
-    }
+    });
     return raw;
   };
   std::uint64_t frame = 2;

@@ -88,8 +88,19 @@ void write_png(const fs::path& path, OIIO::ImageSpec spec, const void* value, co
 
 template <typename Number>
 void read_grey_values(OIIO::ImageInput& input, const fs::path& path, GreyImage& image) {
-  std::vector<Number> value(static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
-  if (!input.read_image(0, 0, 0, 1, OIIO::BaseTypeFromC<Number>::value, value.data())) {
+  const auto width = static_cast<std::size_t>(image.width);
+  std::vector<Number> value(width * static_cast<std::size_t>(image.height));
+  const OIIO::TypeDesc type = OIIO::BaseTypeFromC<Number>::value;
+  // Line by line: read_image takes whole compressed strips of TIFF apart itself and passes over those that are cut off
+  // (OpenImageIO 2.4.7; can go when a cut strip makes it fail).
+  bool whole = true;
+  if (input.spec().tile_width > 0) {
+    whole = input.read_image(0, 0, 0, 1, type, value.data());
+  } else {
+    for (int row = 0; row < image.height && whole; ++row)
+      whole = input.read_scanline(row, 0, type, value.data() + static_cast<std::size_t>(row) * width);
+  }
+  if (!whole) {
     throw InvalidInput(
         fmt::format("{}: the pixels cannot be read ({}); the file is damaged or cut off. Write it again.",
                     path.string(), input.geterror()));

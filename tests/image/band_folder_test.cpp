@@ -124,14 +124,19 @@ TEST_F(BandFolders, SaysWhatIsMissingOrContradictory) {
 }
 
 TEST_F(BandFolders, RefusesCutFiles) {
-  picture<std::uint16_t>("a_400nm.png", 1000, 200, 100);
-  picture<std::uint16_t>("b_500nm.tif", 1000, 200, 100);
-  EXPECT_EQ(message(), "");
-  fs::resize_file(file("b_500nm.tif"), fs::file_size(file("b_500nm.tif")) / 2);
-  EXPECT_THAT(message(), HasSubstr("b_500nm.tif"));
-  picture<std::uint16_t>("b_500nm.tif", 1000, 200, 100);
-  fs::resize_file(file("a_400nm.png"), fs::file_size(file("a_400nm.png")) / 2);
-  EXPECT_THAT(message(), HasSubstr("a_400nm.png"));
+  std::mt19937 random(2);
+  SpectralImage image{96, 96, Eigen::VectorXd::Constant(1, 500.0), {}};
+  for (int v = 0; v < 96 * 96; ++v) image.value.push_back(static_cast<float>(random() & 0xFFFU));
+  for (const std::string extension : {".tif", ".png"}) {
+    for (const double share : {0.1, 0.3, 0.5, 0.7, 0.9}) {
+      write_band_folder(folder(), image, extension);
+      const fs::path picture = file("band_500nm" + extension);
+      EXPECT_EQ(message(), "");
+      fs::resize_file(picture, static_cast<std::uintmax_t>(share * static_cast<double>(fs::file_size(picture))));
+      EXPECT_THAT(message(), HasSubstr("band_500nm" + extension)) << share;
+      fs::remove(picture);
+    }
+  }
 }
 
 TEST_F(BandFolders, SaysThatAPictureIsEncoded) {
