@@ -83,10 +83,10 @@ Json summary_section(const CrossCheck& check) {
 Json verdict_section(const CrossCheck& check, const CrossCheckParams& params) {
   Json rows = Json::array();
   for (const RegionResult& region : check.agreement.regions) {
-    rows.push_back({region.channel + ", " + region.region, region.reference, percent_number(region.relative_difference),
-                    percent_number(region.half_width),
+    rows.push_back({region.channel + ", " + region.region, Json{{"verdict", cross_check::name(region.verdict)}},
+                    percent_number(region.relative_difference), percent_number(region.half_width),
                     region.bernstein_half_width ? percent_number(*region.bernstein_half_width) : Json("–"),
-                    percent_number(region.discretisation), Json{{"verdict", cross_check::name(region.verdict)}},
+                    percent_number(region.discretisation), region.reference,
                     region.difference_detected ? "yes" : "no"});
   }
   return {{"type", "table"},
@@ -99,8 +99,8 @@ Json verdict_section(const CrossCheck& check, const CrossCheckParams& params) {
                        percent(params.agreement.margin), percent(params.agreement.confidence),
                        percent(params.comparison.faint_component_share))},
           {"columns",
-           {"Region", "Reference [W m⁻² sr⁻¹]", "Difference [%]", "Interval ± [%]", "Bernstein ± [%]",
-            "Discretisation [%]", "Verdict", "Difference detected"}},
+           {"Region", "Verdict", "Difference [%]", "Interval ± [%]", "Bernstein ± [%]", "Discretisation [%]",
+            "Reference [W m⁻² sr⁻¹]", "Detected"}},
           {"rows", rows}};
 }
 

@@ -53,7 +53,7 @@ int main() {
                     {"unit", "%"},
                     {"range", {-2, 2}},
                     {"values", interglow::report::pack_half(difference, {kHeight, kWidth})}};
-  Json document = {{"title", "Example report"},
+  Json document = {{"title", "Example report of examples/a_folder_with_a_long_name/scene_with_a_long_name.toml"},
                    {"subtitle", "Every kind of section"},
                    {"verdict", {{"state", "undecided"}, {"text", "This is an example; nothing was compared."}}},
                    {"footer", "Made by a test."}};

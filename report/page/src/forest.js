@@ -3,11 +3,12 @@ import {element, format, svg} from './dom.js';
 // Intervals of relative differences against the margin: {margin, rows: [{name, value, low, high, verdict}]}, in percent.
 export function forest(section) {
   const kRow = 22;
-  const kLabel = 190;
-  const kRight = 90;
+  // As wide as the window allows, so that the words keep their size on a telephone.
+  const kWidth = Math.max(340, Math.min(760, document.documentElement.clientWidth - 32));
+  const kLabel = kWidth < 560 ? 160 : 190;
+  const kRight = kWidth < 560 ? 66 : 90;
   const rows = section.rows;
   const reach = Math.max(section.margin * 1.6, ...rows.map((row) => Math.min(Math.max(Math.abs(row.low), Math.abs(row.high)), section.margin * 6)));
-  const kWidth = 760;
   const x = (value) => kLabel + ((Math.max(-reach, Math.min(reach, value)) + reach) / (2 * reach)) * (kWidth - kLabel - kRight);
   const height = rows.length * kRow + 44;
   const plot = svg('svg', {viewBox: `0 0 ${kWidth} ${height}`, class: 'forest', role: 'img',
@@ -19,7 +20,7 @@ export function forest(section) {
     const label = svg('text', {x: kLabel - 8, y: y + 4, class: 'label', 'text-anchor': 'end'});
     label.textContent = row.name;
     const value = svg('text', {x: kWidth - kRight + 8, y: y + 4, class: 'label'});
-    value.textContent = `${format(row.value)} ${section.unit}`;
+    value.textContent = `${row.value.toFixed(3)} ${section.unit}`;
     plot.append(label, value,
         svg('line', {x1: x(row.low), x2: x(row.high), y1: y, y2: y, class: `interval ${row.verdict}`}),
         svg('rect', {x: x(row.value) - 3.5, y: y - 3.5, width: 7, height: 7, class: `interval ${row.verdict}`}));
