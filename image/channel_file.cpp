@@ -167,6 +167,9 @@ void write_grey_words(const fs::path& path, int width, int height, const std::ve
   OIIO::ImageSpec spec(width, height, 1, OIIO::TypeUInt16);
   spec.attribute("oiio:ColorSpace", "Linear");
   if (path.extension() != ".png") spec.attribute("compression", "zip");
+  // Of noisy counts the strongest compression saves 2 % more and takes several times as long.
+  spec.attribute("tiff:zipquality", 1);
+  spec.attribute("png:compressionLevel", 1);
   write(path, spec, value.data());
 }
 
