@@ -16,6 +16,32 @@ namespace {
 
 constexpr int kBatches = 32;
 
+struct MeanAndError {
+  double mean, error;
+};
+
+/// Of batches with independent normal values: mean and variance are drawn from their own distributions (Cochran).
+MeanAndError normal_batches(double truth, double batch_sd, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  std::chi_squared_distribution<double> chi_squared(kBatches - 1);
+  const double scale = truth * batch_sd / std::sqrt(kBatches);
+  return {truth + scale * normal(random), scale * std::sqrt(chi_squared(random) / (kBatches - 1))};
+}
+
+MeanAndError lognormal_batches(double truth, double batch_sd, std::mt19937_64& random) {
+  std::normal_distribution<double> normal;
+  const double log_sd = std::sqrt(std::log1p(batch_sd * batch_sd));
+  double sum = 0.0;
+  double squares = 0.0;
+  for (int batch = 0; batch < kBatches; ++batch) {
+    const double value = truth * std::exp(log_sd * normal(random) - 0.5 * log_sd * log_sd);
+    sum += value;
+    squares += value * value;
+  }
+  const double mean = sum / kBatches;
+  return {mean, std::sqrt((squares / kBatches - mean * mean) / (kBatches - 1))};
+}
+
 /// Batches of normal or lognormal values with the given relative standard deviation of a batch, around `truth`.
 Estimate simulate(int side, double truth, double batch_sd, bool lognormal, std::mt19937_64& random) {
   Estimate estimate;
@@ -23,19 +49,9 @@ Estimate simulate(int side, double truth, double batch_sd, bool lognormal, std::
   const auto pixels = static_cast<std::size_t>(side * side);
   estimate.mean.value.resize(pixels);
   estimate.standard_error = estimate.mean;
-  const double log_sd = std::sqrt(std::log1p(batch_sd * batch_sd));
-  std::normal_distribution<double> normal;
   for (std::size_t p = 0; p < pixels; ++p) {
-    double sum = 0.0;
-    double squares = 0.0;
-    for (int batch = 0; batch < kBatches; ++batch) {
-      const double x = normal(random);
-      const double value = truth * (lognormal ? std::exp(log_sd * x - 0.5 * log_sd * log_sd) : 1.0 + batch_sd * x);
-      sum += value;
-      squares += value * value;
-    }
-    const double mean = sum / kBatches;
-    const double error = std::sqrt((squares / kBatches - mean * mean) / (kBatches - 1));
+    const auto [mean, error] =
+        lognormal ? lognormal_batches(truth, batch_sd, random) : normal_batches(truth, batch_sd, random);
     estimate.mean.value[p] = static_cast<float>(mean);
     estimate.standard_error.value[p] = static_cast<float>(error);
     estimate.integral_mean.push_back(mean);
