@@ -299,28 +299,29 @@ Json result_json(const CrossCheck& check, const CrossCheckParams& params) {
 
 namespace {
 
-/// Samples cannot decide some regions; for the others there were too few.
-std::string why_undecided(const CrossCheck& check) {
+/// "3 are undecided because ..." for each of the two reasons: samples cannot decide some regions; for the others there
+/// were too few.
+std::string undecided_regions(const CrossCheck& check) {
   const auto is_full = [](const RegionResult& region) {
     return region.verdict == Verdict::kUndecided && std::isinf(region.samples_factor);
   };
   const auto full =
       static_cast<std::size_t>(std::count_if(check.agreement.regions.begin(), check.agreement.regions.end(), is_full));
   const std::size_t noisy = count(check, Verdict::kUndecided) - full;
-  std::string why;
+  std::string text;
   if (full > 0) {
-    why = fmt::format(
-        "{} whatever the samples, because discretisation error and difference fill the margin (smaller "
-        "patches help)",
+    text = fmt::format(
+        "{} are undecided whatever the samples, because discretisation error and difference fill the "
+        "margin (smaller patches help)",
         full);
   }
   if (noisy > 0) {
-    why += fmt::format("{}{} because {}", why.empty() ? "" : ", ", noisy,
-                       check.paths == 0    ? "the reference image is too noisy"
-                       : check.out_of_time ? "time ran out"
-                                           : "more samples would be needed");
+    text += fmt::format("{}{} are undecided because {}", text.empty() ? "" : ", ", noisy,
+                        check.paths == 0    ? "the reference image is too noisy"
+                        : check.out_of_time ? "time ran out"
+                                            : "more samples would be needed");
   }
-  return why;
+  return text;
 }
 
 }  // namespace
@@ -341,16 +342,18 @@ std::string verdict_sentence(const CrossCheck& check, const CrossCheckParams& pa
   }
   const RegionResult* region = worst(check, check.verdict);
   if (region == nullptr) return fmt::format("No region of {} was bright enough to judge.", sides);
-  const std::string where =
-      fmt::format("{}, {}: {:+.3f} % ± {:.3f} % (interval), discretisation {:.3f} %", region->channel, region->region,
-                  100.0 * region->relative_difference, 100.0 * region->half_width, 100.0 * region->discretisation);
+  const std::string where = fmt::format("{}, {}: {:+.3f} % ± {:.3f} % (interval){}", region->channel, region->region,
+                                        100.0 * region->relative_difference, 100.0 * region->half_width,
+                                        check.coarser_run() != nullptr
+                                            ? fmt::format(", discretisation {:.3f} %", 100.0 * region->discretisation)
+                                        : check.candidate_run() != nullptr ? ", discretisation not measured"
+                                                                           : "");
   if (check.verdict == Verdict::kDisagrees) {
     return fmt::format("{} differ by more than {} in {} of {} regions; the worst is {}.", sides,
                        percent(params.agreement.margin), count(check, Verdict::kDisagrees), regions, where);
   }
-  return fmt::format("{} of {} regions agree within {}, {} are undecided: {}; the widest is {}.",
-                     count(check, Verdict::kAgrees), regions, percent(params.agreement.margin),
-                     count(check, Verdict::kUndecided), why_undecided(check), where);
+  return fmt::format("{} of {} regions agree within {}, {}; the widest is {}.", count(check, Verdict::kAgrees), regions,
+                     percent(params.agreement.margin), undecided_regions(check), where);
 }
 
 report::Json report_document(const CrossCheck& check, const CrossCheckParams& params, const Provenance& provenance) {
