@@ -29,9 +29,9 @@ endfunction()
 
 # interglow_test(radiosity SOURCES form_factor_test.cpp ... LIBRARIES interglow::radiosity ...)
 # One GoogleTest program a folder. INTERGLOW_TEST_DATA is tests/data; INTERGLOW_SHARED_DATA is ../shared/data,
-# which a stranger's clone lacks: tests that need it skip with a message.
+# which a stranger's clone lacks: tests that need it skip with a message. LABEL slow: for tests of more than some seconds.
 function(interglow_test name)
-  cmake_parse_arguments(arg "" "" "SOURCES;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(arg "" "LABEL" "SOURCES;LIBRARIES" ${ARGN})
   set(target ${name}_test)
   add_executable(${target} ${arg_SOURCES})
   target_link_libraries(${target} PRIVATE ${arg_LIBRARIES} interglow_options GTest::gtest_main GTest::gmock)
@@ -39,5 +39,5 @@ function(interglow_test name)
     INTERGLOW_TEST_DATA="${CMAKE_SOURCE_DIR}/tests/data"
     INTERGLOW_SHARED_DATA="${CMAKE_SOURCE_DIR}/../shared/data")
   include(GoogleTest)
-  gtest_discover_tests(${target} TEST_PREFIX "${name}." DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600)
+  gtest_discover_tests(${target} TEST_PREFIX "${name}." DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600 LABELS "${arg_LABEL}")
 endfunction()

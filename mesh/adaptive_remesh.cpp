@@ -7,11 +7,13 @@
 // After the mesh, which declares what it specialises.
 #include <OpenMesh/Core/Geometry/EigenVectorT.hh>
 
+#include <tbb/parallel_for.h>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <set>
 
 #include "diagnostics/error.h"
 
@@ -104,6 +106,48 @@ class Remesher {
     wanted_.assign(mesh_.n_vertices(), 0);
   }
 
+  /// The creases at which the surface still bends when each side is averaged over one wanted length.
+  std::vector<std::array<int, 2>> coarse_creases() const {
+    std::vector<char> keep(surface_.creases.size(), 0);
+    tbb::parallel_for(std::size_t{0}, keep.size(), [&](std::size_t i) {
+      const auto& [a, b] = surface_.creases[i];
+      keep[i] =
+          bend_deg(mesh_.find_halfedge(Vertex(a), Vertex(b)), params_.edge_length(on_[a])) >= params_.feature_angle_deg;
+    });
+    std::vector<std::array<int, 2>> kept;
+    for (std::size_t i = 0; i < keep.size(); ++i)
+      if (keep[i]) kept.push_back(surface_.creases[i]);
+    return kept;
+  }
+
+  /// Angle between the mean normals of the connected surface within `reach` of an edge, on either side of it.
+  double bend_deg(Halfedge h, double reach) const {
+    const Vector3d from = mesh_.point(mesh_.from_vertex_handle(h)), to = mesh_.point(mesh_.to_vertex_handle(h));
+    const Vector3d middle = (from + to) / 2, along = (to - from).normalized();
+    const Vector3d apex = mesh_.point(mesh_.to_vertex_handle(mesh_.next_halfedge_handle(h)));
+    const Vector3d other =
+        mesh_.point(mesh_.to_vertex_handle(mesh_.next_halfedge_handle(mesh_.opposite_halfedge_handle(h))));
+    // From the right side to the left one, across the edge.
+    const Vector3d across = (apex - middle).normalized() - (other - middle).normalized();
+    std::array<Vector3d, 2> sum = {Vector3d::Zero(), Vector3d::Zero()};
+    std::vector<Mesh::FaceHandle> found = {mesh_.face_handle(h), mesh_.face_handle(mesh_.opposite_halfedge_handle(h))};
+    std::set<int> seen = {found[0].idx(), found[1].idx()};
+    for (std::size_t next = 0; next < found.size(); ++next) {
+      const auto face = found[next];
+      std::array<Vector3d, 3> p;
+      int k = 0;
+      for (auto it = mesh_.cfv_ccwiter(face); it.is_valid(); ++it) p[k++] = mesh_.point(*it);
+      const Vector3d from_middle = (p[0] + p[1] + p[2]) / 3 - middle;
+      // The two triangles at the edge count whatever their size.
+      if (next > 1 && from_middle.norm() > reach) continue;
+      const bool left = next < 2 ? next == 0 : (from_middle - from_middle.dot(along) * along).dot(across) > 0;
+      sum[left ? 0 : 1] += (p[1] - p[0]).cross(p[2] - p[0]);
+      for (auto it = mesh_.cff_iter(face); it.is_valid(); ++it)
+        if (seen.insert(it->idx()).second) found.push_back(*it);
+    }
+    return std::atan2(sum[0].cross(sum[1]).norm(), sum[0].dot(sum[1])) * 180 / std::numbers::pi;
+  }
+
   /// Marks connected creases that are longer than a few wanted edges; shorter ones no patch could follow.
   void mark_creases() {
     constexpr double kShortest = 4;  // wanted lengths
@@ -113,11 +157,12 @@ class Remesher {
       while (parent[v] != v) v = parent[v] = parent[parent[v]];
       return v;
     };
-    for (const auto& [a, b] : surface_.creases) parent[root(a)] = root(b);
+    const std::vector<std::array<int, 2>> creases = coarse_creases();
+    for (const auto& [a, b] : creases) parent[root(a)] = root(b);
     std::vector<double> lengths(surface_.points.size(), 0);
     const auto measure = [&](int a, int b) { return (surface_.points[a] - surface_.points[b]).norm(); };
-    for (const auto& [a, b] : surface_.creases) lengths[root(a)] += measure(a, b) / params_.edge_length(on_[a]);
-    for (const auto& [a, b] : surface_.creases)
+    for (const auto& [a, b] : creases) lengths[root(a)] += measure(a, b) / params_.edge_length(on_[a]);
+    for (const auto& [a, b] : creases)
       if (lengths[root(a)] > kShortest)
         mesh_.status(mesh_.edge_handle(mesh_.find_halfedge(Vertex(a), Vertex(b)))).set_feature(true);
   }
@@ -289,9 +334,11 @@ class Remesher {
     // The vertex of the lower kind goes.
     if (kind(mesh_.from_vertex_handle(h)) > kind(mesh_.to_vertex_handle(h))) h = mesh_.opposite_halfedge_handle(h);
     const Vertex goes = mesh_.from_vertex_handle(h), stays = mesh_.to_vertex_handle(h);
-    // Corners closer than half the wanted length are one corner to these patches.
-    if (kind(goes) == Kind::kCorner && (!is_curve(e) || is_locked(goes) || length(e) > 0.5 * wanted(e))) return false;
-    if (kind(goes) == Kind::kCurve && !is_curve(e)) return false;
+    // Corners closer than half the wanted length are one corner to these patches, and creases are one crease.
+    const bool is_close = length(e) <= 0.5 * wanted(e) && !is_locked(goes);
+    const bool merges_creases = is_close && !mesh_.is_boundary(goes) && !mesh_.is_boundary(stays);
+    if (kind(goes) == Kind::kCorner && !(is_curve(e) ? is_close : merges_creases)) return false;
+    if (kind(goes) == Kind::kCurve && !is_curve(e) && !merges_creases) return false;
     if (!mesh_.is_collapse_ok(h)) return false;
     Vector3d to = mesh_.point(stays);
     SurfacePoint on = on_[stays.idx()];

@@ -19,6 +19,9 @@ struct AdaptiveRemeshParams {
   /// Wanted number of triangles: lengths are scaled after each round to approach it; unset: lengths hold as given.
   std::optional<int> triangles{};
   int rounds = 5;
+  /// Creases whose sides, each averaged over one wanted length, meet at less than this are not followed: folds and
+  /// roughness finer than the patches [degrees].
+  double feature_angle_deg = 40;
   /// Curves turn by more than this at corners that stay where they are [degrees].
   double corner_angle_deg = 50;
   /// Wanted lengths grow by at most this per millimetre along the surface.

@@ -138,6 +138,7 @@ void remesh_one(const std::vector<Work>& all, Work& work) {
   const double finest = params.proximity_ratio * work.longest_mm;
   AdaptiveRemeshParams adaptive;
   adaptive.locked_points = work.locked_points;
+  adaptive.feature_angle_deg = params.feature_angle_deg;
   adaptive.triangles = params.patches;
   if (!params.patches && !params.edge_length_mm) adaptive.triangles = 4000;
   adaptive.edge_length = [&](const SurfacePoint& at) {
@@ -292,7 +293,10 @@ bool close_all_contacts(std::vector<Work>& all) {
 
 /// Deeper than this behind another surface, a point is elsewhere rather than inside.
 double overlap_tolerance(const Work& work) {
-  return std::max(3 * work.surface.mean_edge_mm, 8 * work.surface.noise_sigma_mm);
+  // Triangles of a plane may be as large as the scene; patches are not.
+  const bool kept = work.input->params.keep_triangles;
+  const double edge_mm = kept ? work.surface.mean_edge_mm : std::min(work.surface.mean_edge_mm, work.longest_mm);
+  return std::max(3 * edge_mm, 8 * work.surface.noise_sigma_mm);
 }
 
 /// Measures how far scans and patches pass through each other and moves patches apart.

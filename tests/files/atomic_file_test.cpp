@@ -2,6 +2,7 @@
 #include "files/atomic_file.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <fstream>
 #include <sstream>
@@ -41,6 +42,23 @@ TEST(AtomicFile, NamesAFolderThatCannotBeMade) {
   } catch (const InvalidInput& error) {
     EXPECT_NE(std::string(error.what()).find("/proc/interglow"), std::string::npos);
   }
+}
+
+// A process that exits in the middle of writing, as on Ctrl-C.
+TEST(AtomicFile, AbandonedFilesLeaveNoTrace) {
+  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "abandoned_file_test";
+  std::filesystem::remove_all(folder);
+  write_text_atomically(folder / "result.txt", "first");
+  EXPECT_EXIT(write_atomically(folder / "result.txt",
+                               [](const std::filesystem::path& temporary) {
+                                 std::ofstream(temporary) << "half";
+                                 const bool was_there = std::filesystem::exists(temporary);
+                                 abandon_unfinished();
+                                 ::_exit(was_there && !std::filesystem::exists(temporary) ? 0 : 1);
+                               }),
+              testing::ExitedWithCode(0), "");
+  EXPECT_EQ(content(folder / "result.txt"), "first");
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), {}), 1) << "a temporary file was left";
 }
 
 }  // namespace

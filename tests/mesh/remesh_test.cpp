@@ -372,6 +372,22 @@ TEST(Remesh, ArchIsContinuedToThePlaneItStandsOn) {
   EXPECT_GT(feet, 20);
 }
 
+// Triangles of the plane are as large as the scene, which says nothing about how far a point may be moved.
+TEST(Remesh, ArchStandsOnASheetOfTwoTriangles) {
+  const auto scans = simulate_scan({.scene = SimulatedScene::kArchOnPlane,
+                                    .radius_mm = 10,
+                                    .length_mm = 15,
+                                    .noise_sigma_mm = 0.02,
+                                    .seed = 7});
+  const TriangleMesh sheet{{{-25, -15, 0}, {25, -15, 0}, {25, 30, 0}, {-25, 30, 0}}, {{0, 1, 2}, {0, 2, 3}}};
+  const std::vector<RemeshInput> objects{{"arch", scans[0].scan, {.patches = 800, .close_contact_mm = 1.5}},
+                                         {"sheet", sheet, {.patches = 800, .noise_sigma_mm = 0}}};
+  const std::vector<Remeshed> result = remesh(objects);
+  // Ten times the noise, on a cylinder of radius 10 about x = z = 0 and on z = 0.
+  for (const Vector3d& p : result[0].patches.points) EXPECT_NEAR(std::hypot(p.x(), p.z()), 10, 0.2) << p.transpose();
+  for (const Vector3d& p : result[1].patches.points) EXPECT_NEAR(p.z(), 0, 0.2) << p.transpose();
+}
+
 // A ragged border must not make the strip along the contact a fan of needles.
 TEST(Remesh, SharedArchAtHighNoiseIsWellShaped) {
   const std::filesystem::path folder = std::filesystem::path(INTERGLOW_SHARED_DATA) / "meshes/synthetic";
