@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
+#include "cli/indirect_light.h"
 #include "cli/run_pipeline.h"
 #include "cross_check/path_tracer.h"
 #include "diagnostics/error.h"
@@ -42,23 +43,9 @@ void scale_camera(scene::Camera& camera, int size) {
   camera.height = std::max(1, static_cast<int>(std::lround(camera.height * factor)));
 }
 
-/// direct + scale · indirect, where indirect is what came from other surfaces. Components without values are 0.
-image::SpectralImage scaled_total(const image::SpectralImage& total,
-                                  const std::vector<const image::SpectralImage*>& indirect, double scale) {
-  image::SpectralImage sum = total;
-  if (scale == 1.0) return sum;
-  for (const image::SpectralImage* part : indirect) {
-    for (std::size_t v = 0; v < part->value.size(); ++v)
-      sum.value[v] += static_cast<float>((scale - 1.0) * part->value[v]);
-  }
-  return sum;
-}
-
 IdealPicture render_by_radiosity(const scene::SceneDescription& description, double scale, const Progress& progress) {
   RunOutcome run = run_scene(description, progress);
-  const rendering::RenderedImages& images = run.images;
-  return {run.built.scene, scaled_total(images.total, {&images.rr, &images.lr, &images.ll, &images.rl}, scale),
-          images.coverage, run.contact, 0.0};
+  return {run.built.scene, with_indirect_scaled(run.images, scale), run.images.coverage, run.contact, 0.0};
 }
 
 IdealPicture render_by_paths(const scene::SceneDescription& description, int paths, std::uint64_t seed, double scale,
@@ -82,7 +69,7 @@ IdealPicture render_by_paths(const scene::SceneDescription& description, int pat
   }
   std::vector<const image::SpectralImage*> parts;
   for (const image::SpectralImage& part : indirect) parts.push_back(&part);
-  picture.radiance = scaled_total(total.mean, parts, scale);
+  picture.radiance = with_parts_scaled(total.mean, parts, scale);
   double light = 0.0, error = 0.0;
   for (std::size_t p = 0; p < total.integral_mean.size(); ++p) {
     picture.coverage.push_back(total.integral_mean[p] > 0.0 ? 1.0F : 0.0F);

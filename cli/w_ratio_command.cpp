@@ -13,6 +13,7 @@
 #include <string>
 
 #include "cli/commands.h"
+#include "cli/indirect_light.h"
 #include "cli/registration_report.h"
 #include "cli/run_pipeline.h"
 #include "cli/shading_files.h"
@@ -113,16 +114,6 @@ fitting::ShadingMaps maps_of(const fitting::Decomposition& found) {
     return found.shading[static_cast<std::size_t>(at - found.name.begin())];
   };
   return {map("re"), map("rr")};
-}
-
-/// total + (factor - 1) · (what came from other surfaces)
-image::SpectralImage with_indirect(const rendering::RenderedImages& images, double factor) {
-  image::SpectralImage sum = images.total;
-  for (const image::SpectralImage* part : {&images.rr, &images.lr, &images.ll, &images.rl}) {
-    for (std::size_t v = 0; v < part->value.size(); ++v)
-      sum.value[v] += static_cast<float>((factor - 1.0) * part->value[v]);
-  }
-  return sum;
 }
 
 /// The factor on all light between the objects at which the simulated picture has the captured w, found by the secant
@@ -240,7 +231,7 @@ int w_ratio(const Options& options, const Session& session) {
   }
   const auto w_at = [&](double factor) {
     const fitting::Decomposition found =
-        fitting::decompose(selected(with_indirect(run.images, factor), bands), object_in_region, bases, params);
+        fitting::decompose(selected(with_indirect_scaled(run.images, factor), bands), object_in_region, bases, params);
     const fitting::ShadingMaps maps = maps_of(found);
     return fitting::interreflection_ratio(maps, maps, region, {.radius_px = {0.0}}).region.captured;
   };
