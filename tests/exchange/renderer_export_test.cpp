@@ -18,6 +18,7 @@
 #include <string>
 
 #include "mesh/scan_file.h"
+#include "scene/scene_builder.h"
 
 namespace interglow::exchange {
 namespace {
@@ -229,6 +230,69 @@ TEST_P(MitsubaExport, FollowsAllBouncesUnlessTold) {
                 .attribute("value")
                 .as_int(),
             -1);
+}
+
+// Scene files that Mitsuba 0.6 has rendered (tests/data/mitsuba/*/path.xml), against what is exported from ours.
+TEST_F(RendererExportTest, SaysWhatScenesMadeForMitsubaSay) {
+  for (const char* name : {"half_cylinders", "v_groove_60", "cornell"}) {
+    SCOPED_TRACE(name);
+    const std::filesystem::path data = std::filesystem::path(INTERGLOW_TEST_DATA) / "mitsuba" / name;
+    const scene::Scene scene = scene::build_scene(scene::read_scene_file(data / "scene.toml")).scene;
+    const RendererExport written = export_for_renderer(scene, Renderer::kMitsuba06, folder_ / name);
+    pugi::xml_document their_document;
+    pugi::xml_document our_document;
+    ASSERT_TRUE(their_document.load_file((data / "path.xml").c_str()));
+    ASSERT_TRUE(our_document.load_file(written.files[0].c_str()));
+    const pugi::xml_node theirs = their_document.child("scene");
+    const pugi::xml_node ours = our_document.child("scene");
+    const auto fov = [](const pugi::xml_node& scene_node) {
+      return scene_node.child("sensor").find_child_by_attribute("name", "fov").attribute("value").as_double();
+    };
+    EXPECT_NEAR(fov(ours), fov(theirs), 1e-7) << "seven decimals there";
+    for (const char* key : {"origin", "target", "up"}) {
+      const auto of = [&](const pugi::xml_node& scene_node) {
+        const pugi::xml_node transform = scene_node.child("sensor").find_child_by_attribute("name", "toWorld");
+        return vector(transform.child("lookat").attribute(key).value());
+      };
+      EXPECT_EQ(of(ours), of(theirs)) << key;
+    }
+    const pugi::xml_node beam = theirs.child("emitter");
+    const pugi::xml_node our_beam = ours.child("emitter");
+    ASSERT_EQ(beam.empty(), our_beam.empty());
+    if (beam) {
+      const auto direction = [](const pugi::xml_node& node) {
+        const pugi::xml_node xyz = node.child("vector");
+        return Vector3d(xyz.attribute("x").as_double(), xyz.attribute("y").as_double(), xyz.attribute("z").as_double())
+            .normalized();
+      };
+      EXPECT_STREQ(beam.attribute("type").value(), our_beam.attribute("type").value());
+      EXPECT_LT((direction(our_beam) - direction(beam)).norm(), 1e-15);
+      EXPECT_EQ(mitsuba_nodes(our_beam.child("spectrum")).second[1],
+                beam.child("spectrum").attribute("value").as_double());
+    }
+    std::size_t shapes = 0;
+    for (const pugi::xml_node& shape : theirs.children("shape")) {
+      const std::filesystem::path file = shape.find_child_by_attribute("name", "filename").attribute("value").value();
+      SCOPED_TRACE(file.string());
+      const auto is_it = [&](const pugi::xml_node& node) {
+        const std::string ours_of = node.find_child_by_attribute("name", "filename").attribute("value").value();
+        return ours_of.find("_" + file.stem().string() + ".ply") != std::string::npos;
+      };
+      const pugi::xml_node our_shape = ours.find_child(is_it);
+      ASSERT_TRUE(our_shape);
+      // Theirs are all two-sided: the reflectance is one level deeper.
+      EXPECT_EQ(mitsuba_nodes(our_shape.child("bsdf").child("spectrum")).second[1],
+                shape.child("bsdf").child("bsdf").child("spectrum").attribute("value").as_double());
+      const pugi::xml_node emitter = shape.child("emitter");
+      ASSERT_EQ(emitter.empty(), our_shape.child("emitter").empty());
+      if (emitter) {
+        EXPECT_NEAR(mitsuba_nodes(our_shape.child("emitter").child("spectrum")).second[1],
+                    emitter.child("spectrum").attribute("value").as_double(), 1e-15);
+      }
+      ++shapes;
+    }
+    EXPECT_EQ(shapes, scene.objects.size());
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(
