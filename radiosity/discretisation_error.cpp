@@ -18,6 +18,8 @@ namespace {
 constexpr std::size_t kAggregateSize = 4;
 /// Neighbours whose normals differ by more than 40° meet at a crease, across which light is not smooth.
 constexpr double kCreaseCosine = 0.766;
+/// Centroids within a tenth of its length are on one line.
+constexpr double kLine = 1e-2;
 /// The estimate needs two digits.
 constexpr double kSolveTolerance = 1e-2;
 /// Sources are represented to this share, relative to all of them.
@@ -100,8 +102,6 @@ double spread_ratio(const Elements& elements, const std::vector<int>& members) {
     within += second_moment(elements, e);
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(between);
-  // Centroids on one line to a tenth of its length.
-  constexpr double kLine = 1e-2;
   double inside = 0.0;
   int directions = 0;
   for (int k = 1; k < 3; ++k) {
