@@ -308,15 +308,16 @@ std::string undecided_regions(const CrossCheck& check) {
   const auto full =
       static_cast<std::size_t>(std::count_if(check.agreement.regions.begin(), check.agreement.regions.end(), is_full));
   const std::size_t noisy = count(check, Verdict::kUndecided) - full;
+  const auto number = [](std::size_t regions) { return fmt::format("{} {}", regions, regions == 1 ? "is" : "are"); };
   std::string text;
   if (full > 0) {
     text = fmt::format(
-        "{} are undecided whatever the samples, because discretisation error and difference fill the "
+        "{} undecided whatever the samples, because discretisation error and difference fill the "
         "margin (smaller patches help)",
-        full);
+        number(full));
   }
   if (noisy > 0) {
-    text += fmt::format("{}{} are undecided because {}", text.empty() ? "" : ", ", noisy,
+    text += fmt::format("{}{} undecided because {}", text.empty() ? "" : ", ", number(noisy),
                         check.paths == 0    ? "the reference image is too noisy"
                         : check.out_of_time ? "time ran out"
                                             : "more samples would be needed");
