@@ -2,8 +2,8 @@
 // Time, memory and closure of Transport::build: a closed cube, a closed box with two turned cubes, the same box with a
 // lumpy solid (not convex, so that rays sample what clipping would be too slow for), and two touching half cylinders;
 // products with 1 and 71 columns; and rays of Visibility beside the raw rate of Embree on the same rays. Closed scenes
-// must close within the tolerance before anything is timed. Counters: elements, pairs per second of processor time (all
-// N (N - 1) / 2), closure_max, closure_rms, partial pairs, megabytes.
+// must close within the tolerance before anything is timed. Counters: elements, error_estimate (largest of a row),
+// pairs per second of processor time (all N (N - 1) / 2), closure_max, closure_rms, partial pairs, megabytes.
 //   transport_benchmark --benchmark_out=transport.json --benchmark_out_format=json
 #include <benchmark/benchmark.h>
 #include <embree3/rtcore.h>
@@ -84,16 +84,21 @@ Elements half_cylinders(int n) {
   return make_elements(scene);
 }
 
-void build(benchmark::State& state, const Elements& elements, double tolerance, bool closed) {
+enum class Closed { kNo, kYes, kSampled };
+
+void build(benchmark::State& state, const Elements& elements, double tolerance, Closed closed) {
   const radiosity::TransportParams params{.tolerance = tolerance};
   {
     const Transport transport = Transport::build(elements, params);
     const radiosity::TransportReport& report = transport.report();
-    if (closed && !(report.closure_max <= tolerance))
+    // Where lines sample the shadows, the tolerance is met as a standard deviation, not by every row.
+    const double most = closed == Closed::kSampled ? 2.0 * tolerance : tolerance;
+    if (closed != Closed::kNo && !(report.closure_max <= most && report.closure_rms <= 0.5 * tolerance))
       state.SkipWithError("the closed scene does not close within the tolerance");
-    if (!closed && !(report.max_row_sum <= 1.0 + tolerance))
+    if (closed == Closed::kNo && !(report.max_row_sum <= 1.0 + tolerance))
       state.SkipWithError("a row of form factors sums to more than 1");
     state.counters["closure_max"] = report.closure_max;
+    state.counters["error_estimate"] = report.error_estimate_max;
     state.counters["closure_rms"] = report.closure_rms;
     state.counters["elements"] = static_cast<double>(report.elements);
     state.counters["partial"] = static_cast<double>(report.partially_visible_pairs);
@@ -105,13 +110,15 @@ void build(benchmark::State& state, const Elements& elements, double tolerance, 
   state.counters["pairs_per_cpu_s"] = benchmark::Counter(pairs, benchmark::Counter::kIsIterationInvariantRate);
 }
 
-void BM_Cube(benchmark::State& state) { build(state, closed_cube(static_cast<int>(state.range(0))), 1e-4, true); }
+void BM_Cube(benchmark::State& state) {
+  build(state, closed_cube(static_cast<int>(state.range(0))), 1e-4, Closed::kYes);
+}
 BENCHMARK(BM_Cube)->Arg(8)->Arg(16)->Arg(32)->Arg(64)->Iterations(1)->MeasureProcessCPUTime()->Unit(
     benchmark::kMillisecond);
 
 void BM_BoxWithTwoCubes(benchmark::State& state) {
   build(state, make_elements(box_with_two_cubes(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)))),
-        std::pow(10.0, -static_cast<double>(state.range(2))), true);
+        std::pow(10.0, -static_cast<double>(state.range(2))), Closed::kYes);
 }
 BENCHMARK(BM_BoxWithTwoCubes)
     ->Args({11, 5, 4})
@@ -124,7 +131,8 @@ BENCHMARK(BM_BoxWithTwoCubes)
     ->Unit(benchmark::kMillisecond);
 
 void BM_LumpySolidInBox(benchmark::State& state) {
-  build(state, lumpy_solid_in_box(static_cast<int>(state.range(0)), static_cast<int>(state.range(1))), 1e-3, true);
+  build(state, lumpy_solid_in_box(static_cast<int>(state.range(0)), static_cast<int>(state.range(1))), 1e-3,
+        Closed::kSampled);
 }
 BENCHMARK(BM_LumpySolidInBox)
     ->Args({8, 8})
@@ -135,7 +143,7 @@ BENCHMARK(BM_LumpySolidInBox)
 
 void BM_HalfCylinders(benchmark::State& state) {
   build(state, half_cylinders(static_cast<int>(state.range(0))), std::pow(10.0, -static_cast<double>(state.range(1))),
-        false);
+        Closed::kNo);
 }
 BENCHMARK(BM_HalfCylinders)
     ->Args({16, 4})

@@ -97,8 +97,8 @@ bool LineSampler::settle(SampledPair& pair) {
   pair.result.touched = share < 1.0;
   pair.result.covered = share == 0.0;
   pair.result.hidden = (1.0 - share) * pair.exchange;
-  // A lattice does better than the spread of independent samples; half a sample stays in doubt.
-  pair.result.error_estimate = pair.exchange * (std::sqrt(share * (1.0 - share) / pair.lines) + 0.5 / pair.lines);
+  // A lattice does better than the spread of independent samples.
+  pair.result.error_estimate = pair.exchange * (std::sqrt(share * (1.0 - share) / pair.lines) + kDoubt / pair.lines);
   return pair.result.error_estimate <= pair.tolerance;
 }
 

@@ -29,6 +29,9 @@ struct SampledPair {
 /// lines for the same pair of numbers, so that results do not depend on threads.
 class LineSampler {
  public:
+  /// Share of a line that stays in doubt, also where all lines agree.
+  static constexpr double kDoubt = 0.5;
+
   /// Keeps references to all.
   LineSampler(const Elements& elements, const ElementTree& tree, const Visibility& visibility)
       : elements_(elements), tree_(tree), visibility_(visibility) {}

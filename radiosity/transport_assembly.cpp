@@ -19,6 +19,7 @@
 #include "radiosity/blocker_search.h"
 #include "radiosity/form_factor.h"
 #include "radiosity/line_sampling.h"
+#include "radiosity/row_budget.h"
 #include "radiosity/shadow_cells.h"
 
 namespace interglow::radiosity {
@@ -37,11 +38,28 @@ constexpr int kClusterLines = 256;
 /// Lines of a sampled pair that one line does not settle.
 constexpr int kFewestLines = 4;
 constexpr int kMostLines = 4096;
+/// After this many the row's budget decides how many more there will be.
+constexpr int kFirstLines = 8;
 
 struct NodePair {
   int a;
   int b;
 };
+
+/// Takes what blockers hide off an exchange area.
+void take_away(const ShadowResult& result, FormFactor& exchange, TransportReport& counts) {
+  exchange.error_estimate += result.error_estimate;
+  if (!result.touched) return;
+  if (result.covered) {
+    ++counts.blocked_pairs;
+    exchange.value = 0.0;
+    exchange.method = FormFactorMethod::kBlocked;
+    return;
+  }
+  ++counts.partially_visible_pairs;
+  exchange.value = std::clamp(exchange.value - result.hidden, 0.0, exchange.value);
+  exchange.method = FormFactorMethod::kOccluded;
+}
 
 /// Works through pairs of clusters of one task.
 class Descent {
@@ -65,6 +83,7 @@ class Descent {
     double squared;
   };
   std::vector<RowError> row_errors;
+  std::vector<UnsettledPair> unsettled;
 
  private:
   /// A pair of a tile that blockers may reach.
@@ -150,6 +169,7 @@ class Descent {
     values_.assign(static_cast<std::size_t>(rows_ * columns_), 0.0);
     squared_error_a_.assign(static_cast<std::size_t>(rows_), 0.0);
     squared_error_b_.assign(static_cast<std::size_t>(columns_), 0.0);
+    std::size_t first_unsettled = unsettled.size();
     fill();
     if (a == b) {
       for (int r = 0; r < columns_; ++r) {
@@ -160,6 +180,7 @@ class Descent {
         }
       }
     }
+    if (in_doubt_ > 0.0) add_doubt();
     const auto add_errors = [&](int first, const std::vector<double>& squared) {
       for (std::size_t k = 0; k < squared.size(); ++k) {
         if (squared[k] > 0.0) row_errors.push_back({element(first + static_cast<int>(k)), squared[k]});
@@ -168,8 +189,30 @@ class Descent {
     add_errors(row_first_, squared_error_a_);
     add_errors(column_first_, squared_error_b_);
     chunk.values.push_back(values_);
+    double* const tile_values = chunk.values.back().data();
+    for (; first_unsettled < unsettled.size(); ++first_unsettled) {
+      const int at = unsettled[first_unsettled].pair.at;
+      unsettled[first_unsettled].value = tile_values + at;
+      if (a == b) unsettled[first_unsettled].mirror = tile_values + at % columns_ * columns_ + at / columns_;
+    }
     chunk.tiles.push_back({problem_.tile_of_node[static_cast<std::size_t>(a)],
-                           problem_.tile_of_node[static_cast<std::size_t>(b)], chunk.values.back().data()});
+                           problem_.tile_of_node[static_cast<std::size_t>(b)], tile_values});
+  }
+
+  /// What a tile's agreeing lines leave open may be wrong for all of a row at once.
+  void add_doubt() {
+    for (int r = 0; r < rows_; ++r) {
+      const double area = problem_.elements.area_mm2[element(row_first_ + r)];
+      double sum = 0.0;
+      for (int c = 0; c < columns_; ++c) sum += values_[static_cast<std::size_t>(r * columns_ + c)];
+      squared_error_a_[static_cast<std::size_t>(r)] += std::pow(in_doubt_ * sum / area, 2);
+    }
+    for (int c = 0; c < columns_; ++c) {
+      const double area = problem_.elements.area_mm2[element(column_first_ + c)];
+      double sum = 0.0;
+      for (int r = 0; r < rows_; ++r) sum += values_[static_cast<std::size_t>(r * columns_ + c)];
+      squared_error_b_[static_cast<std::size_t>(c)] += std::pow(in_doubt_ * sum / area, 2);
+    }
   }
 
   /// Marks the pairs of a tile that face one another and lists those that blockers may reach.
@@ -223,7 +266,7 @@ class Descent {
     if (!in_front_of(i, problem_.tree.polygon(j)) || !in_front_of(j, problem_.tree.polygon(i))) return false;
     ++counts.facing_pairs;
     any_ = true;
-    facing_[static_cast<std::size_t>((p - row_first_) * columns_ + q - column_first_)] = 1;
+    facing_[static_cast<std::size_t>((p - row_first_) * columns_ + q - column_first_)] = kFacing;
     return true;
   }
 
@@ -234,6 +277,12 @@ class Descent {
     const double smaller = std::min(problem_.elements.area_mm2[i], problem_.elements.area_mm2[j]);
     return smaller * std::sqrt(0.5 * (problem_.entry_tolerance * problem_.entry_tolerance +
                                       problem_.params.tolerance * problem_.params.tolerance * exchange / smaller));
+  }
+
+  /// Error below which a pair is settled whatever else its rows hold: all N of them together take a quarter of the
+  /// squared tolerance [mm²].
+  double settled_tolerance(int i, int j) const {
+    return 0.5 * problem_.entry_tolerance * std::min(problem_.elements.area_mm2[i], problem_.elements.area_mm2[j]);
   }
 
   /// Exchange areas of the marked pairs of a tile, row by row; then what blockers leave of them.
@@ -270,7 +319,7 @@ class Descent {
     for (int r = 0; r < rows_; ++r) {
       for (int c = 0; c < columns_; ++c) {
         const auto at = static_cast<std::size_t>(r * columns_ + c);
-        if (facing_[at] == 0) continue;
+        if (facing_[at] != kFacing) continue;
         const FormFactor& exchange = results_[at];
         ++counts.pairs_by_method[static_cast<std::size_t>(exchange.method)];
         values_[at] = exchange.value;
@@ -310,7 +359,7 @@ class Descent {
       const ShadowResult& sampled = sampled_pairs_[0].result;
       if (bodies_.size() > kMostClipped || sampled.error_estimate < result.error_estimate) result = sampled;
     }
-    take_away(result, exchange);
+    take_away(result, exchange, counts);
   }
 
   /// Seen from the farther patch, shadows on the other one move less: their edges cross fewer of its corners.
@@ -327,16 +376,16 @@ class Descent {
 
   bool hidden_by_lines(int a, int b);
   bool sample_tile();
+  double largest_share() const;
   void sample_pairs();
-  void take_away(const ShadowResult& result, FormFactor& exchange);
-
   const AssemblyProblem& problem_;
   const Progress& stop_;
   BlockerSearch search_;
   ShadowCells cells_;
   std::optional<LineSampler> lines_;
   std::vector<const ConvexBody*> bodies_;
-  std::vector<char> facing_;
+  static constexpr char kFacing = 1, kUnsettled = 2;
+  std::vector<char> facing_;  ///< of the tile's pairs: 0, kFacing, kUnsettled
   std::vector<Shadowed> shadowed_;
   std::vector<int> candidate_pool_;
   std::vector<std::uint32_t> others_;
@@ -354,20 +403,6 @@ class Descent {
   double in_doubt_ = 0.0;  ///< share of every pair of a sampled tile that its lines left open
   bool sampled_ = false;   ///< rays decide about this tile's pairs
 };
-
-void Descent::take_away(const ShadowResult& result, FormFactor& exchange) {
-  exchange.error_estimate += result.error_estimate;
-  if (!result.touched) return;
-  if (result.covered) {
-    ++counts.blocked_pairs;
-    exchange.value = 0.0;
-    exchange.method = FormFactorMethod::kBlocked;
-    return;
-  }
-  ++counts.partially_visible_pairs;
-  exchange.value = std::clamp(exchange.value - result.hidden, 0.0, exchange.value);
-  exchange.method = FormFactorMethod::kOccluded;
-}
 
 /// The black inside of an open sheet is behind its outside for most of a scene, but no single face hides it. It sends
 /// nothing back, so lines are proof enough: if all of them are blocked the clusters are dropped, with one line in
@@ -408,8 +443,9 @@ bool Descent::hidden_by_lines(int a, int b) {
 }
 
 /// One line for every pair of the tile, before anything is computed. If they agree, all of the tile is clear or
-/// blocked, with one line in doubt. False if the tile is blocked; `sampled_` stays set if the pairs must be looked at
-/// one by one.
+/// blocked, with one line in doubt; not so where that would take too much of a row: its square may be a quarter of the
+/// squared tolerance times the tile's share of the row. False if the tile is blocked; `sampled_` stays set if the pairs
+/// must be looked at one by one.
 bool Descent::sample_tile() {
   lines_->clear();
   first_lines_.assign(static_cast<std::size_t>(rows_ * columns_), {});
@@ -438,17 +474,35 @@ bool Descent::sample_tile() {
   }
   constexpr std::size_t kEnough = 64;
   if (lines_->size() < kEnough || (blocked != 0 && blocked != lines_->size())) return true;
-  sampled_ = false;
   in_doubt_ = 1.0 / static_cast<double>(lines_->size());
+  if (in_doubt_ * in_doubt_ * largest_share() > 0.25 * problem_.params.tolerance * problem_.params.tolerance) {
+    in_doubt_ = 0.0;
+    return true;
+  }
+  sampled_ = false;
   if (blocked == 0) return true;
-  counts.blocked_pairs += static_cast<std::int64_t>(std::count(facing_.begin(), facing_.end(), 1));
+  counts.blocked_pairs += static_cast<std::int64_t>(std::count(facing_.begin(), facing_.end(), kFacing));
   return false;
 }
 
-/// All pairs of a tile whose lines disagree; where they agree, those pairs that are too large for what is left in
-/// doubt.
+/// About the largest sum of form factors of a row or column over the tile, from the pairs' first lines.
+double Descent::largest_share() const {
+  std::vector<double> of_row(static_cast<std::size_t>(rows_), 0.0);
+  std::vector<double> of_column(static_cast<std::size_t>(columns_), 0.0);
+  for (int r = 0; r < rows_; ++r) {
+    for (int c = 0; c < columns_; ++c) {
+      const double weight = first_lines_[static_cast<std::size_t>(r * columns_ + c)].weight / std::numbers::pi;
+      of_row[static_cast<std::size_t>(r)] += weight * problem_.elements.area_mm2[element(column_first_ + c)];
+      of_column[static_cast<std::size_t>(c)] += weight * problem_.elements.area_mm2[element(row_first_ + r)];
+    }
+  }
+  return std::max(*std::max_element(of_row.begin(), of_row.end()),
+                  *std::max_element(of_column.begin(), of_column.end()));
+}
+
+/// All pairs of a tile whose lines disagree.
 void Descent::sample_pairs() {
-  if (!sampled_ && in_doubt_ == 0.0) return;
+  if (!sampled_) return;
   sampled_pairs_.clear();
   for (int r = 0; r < rows_; ++r) {
     for (int c = 0; c < columns_; ++c) {
@@ -457,11 +511,7 @@ void Descent::sample_pairs() {
       const int i = std::min(element(row_first_ + r), element(column_first_ + c));
       const int j = std::max(element(row_first_ + r), element(column_first_ + c));
       const double exchange = results_[at].value;
-      const double bearable = sampling_tolerance(i, j, exchange);
-      if (!sampled_ && in_doubt_ * exchange <= bearable) {
-        results_[at].error_estimate += in_doubt_ * exchange;
-        continue;
-      }
+      const double bearable = settled_tolerance(i, j);
       SampledPair pair{i, j, exchange, bearable};
       pair.at = static_cast<int>(at);
       const FirstLine& line = first_lines_[at];
@@ -471,8 +521,43 @@ void Descent::sample_pairs() {
       sampled_pairs_.push_back(pair);
     }
   }
-  lines_->sample(sampled_pairs_, kFewestLines, kMostLines);
-  for (const SampledPair& pair : sampled_pairs_) take_away(pair.result, results_[static_cast<std::size_t>(pair.at)]);
+  lines_->sample(sampled_pairs_, kFewestLines, kFirstLines);
+  for (const SampledPair& pair : sampled_pairs_) {
+    const auto at = static_cast<std::size_t>(pair.at);
+    if (pair.result.error_estimate <= pair.tolerance) {
+      take_away(pair.result, results_[at], counts);
+    } else {
+      unsettled.push_back({pair, results_[at]});
+      facing_[at] = kUnsettled;
+    }
+  }
+}
+
+/// Draws the lines that a task's unsettled pairs are allowed and writes their exchange areas.
+void settle(const AssemblyProblem& problem, const Progress& stop, std::vector<UnsettledPair>& unsettled,
+            TransportReport& counts, std::vector<Descent::RowError>& row_errors) {
+  constexpr std::size_t kTogether = 1024;
+  LineSampler lines(problem.elements, problem.tree, *problem.visibility);
+  std::vector<SampledPair> pairs;
+  for (std::size_t first = 0; first < unsettled.size(); first += kTogether) {
+    stop.update("shadows", 0.0);
+    const std::size_t end = std::min(first + kTogether, unsettled.size());
+    pairs.clear();
+    for (std::size_t k = first; k < end; ++k) pairs.push_back(unsettled[k].pair);
+    lines.sample(pairs, 2 * kFirstLines, kMostLines);
+    for (std::size_t k = first; k < end; ++k) {
+      FormFactor exchange = unsettled[k].unoccluded;
+      const SampledPair& pair = pairs[k - first];
+      take_away(pair.result, exchange, counts);
+      ++counts.pairs_by_method[static_cast<std::size_t>(exchange.method)];
+      *unsettled[k].value = exchange.value;
+      if (unsettled[k].mirror != nullptr) *unsettled[k].mirror = exchange.value;
+      for (const int e : {pair.i, pair.j}) {
+        const double error = exchange.error_estimate / problem.elements.area_mm2[e];
+        row_errors.push_back({e, error * error});
+      }
+    }
+  }
 }
 
 /// Splits the pair of the root with itself into about kTasks pairs of clusters, in a fixed order.
@@ -526,6 +611,7 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
   std::vector<TileMatrix::Chunk> chunks(tasks.size());
   std::vector<TransportReport> counts(tasks.size());
   std::vector<std::vector<Descent::RowError>> row_errors(tasks.size());
+  std::vector<std::vector<UnsettledPair>> unsettled(tasks.size());
   std::atomic<std::size_t> done = 0;
   const Progress stop{.report = {}, .cancelled = progress.cancelled};
   tbb::parallel_for(std::size_t{0}, tasks.size(), [&](std::size_t t) {
@@ -534,15 +620,31 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
     chunks[t] = std::move(descent.chunk);
     counts[t] = descent.counts;
     row_errors[t] = std::move(descent.row_errors);
+    unsettled[t] = std::move(descent.unsettled);
     progress.update("form factors", static_cast<double>(++done) / static_cast<double>(tasks.size()));
   });
-  for (std::size_t t = 0; t < tasks.size(); ++t) {
-    assembly.report.facing_pairs += counts[t].facing_pairs;
-    assembly.report.partially_visible_pairs += counts[t].partially_visible_pairs;
-    assembly.report.blocked_pairs += counts[t].blocked_pairs;
-    for (std::size_t m = 0; m < counts[t].pairs_by_method.size(); ++m)
-      assembly.report.pairs_by_method[m] += counts[t].pairs_by_method[m];
-    for (const auto& [element, squared] : row_errors[t]) assembly.error_estimate[element] += squared;
+  const auto collect_errors = [&] {
+    for (std::vector<Descent::RowError>& list : row_errors) {
+      for (const auto& [element, squared] : list) assembly.error_estimate[element] += squared;
+      list.clear();
+    }
+  };
+  collect_errors();
+  // The estimates are standard deviations; half of the squared tolerance keeps nearly all rows within it.
+  const double allowed = 0.5 * params.tolerance * params.tolerance;
+  share_budget(elements, (allowed - assembly.error_estimate.array()).max(0.25 * allowed).matrix(), unsettled);
+  done = 0;
+  tbb::parallel_for(std::size_t{0}, tasks.size(), [&](std::size_t t) {
+    if (!unsettled[t].empty()) settle(problem, stop, unsettled[t], counts[t], row_errors[t]);
+    progress.update("shadows", static_cast<double>(++done) / static_cast<double>(tasks.size()));
+  });
+  collect_errors();
+  for (const TransportReport& count : counts) {
+    assembly.report.facing_pairs += count.facing_pairs;
+    assembly.report.partially_visible_pairs += count.partially_visible_pairs;
+    assembly.report.blocked_pairs += count.blocked_pairs;
+    for (std::size_t m = 0; m < count.pairs_by_method.size(); ++m)
+      assembly.report.pairs_by_method[m] += count.pairs_by_method[m];
   }
   assembly.error_estimate = assembly.error_estimate.cwiseSqrt();
   assembly.exchange = TileMatrix(problem.tree.order(), std::move(problem.tile_first), std::move(chunks));
