@@ -79,11 +79,7 @@ class LitPieces {
   }
 
   bool empty() const { return pieces_.empty(); }
-  double area() const {
-    double sum = 0.0;
-    for (const Outline& piece : pieces_) sum += signed_area(piece);
-    return sum;
-  }
+  std::vector<Outline> take() { return std::move(pieces_); }
 
  private:
   double sliver_;
@@ -145,7 +141,13 @@ int BeamView::build(int first, int count) {
 }
 
 double BeamView::lit_area(int face, const Eigen::Vector3d& normal) const {
-  if (!(normal.dot(direction_) < 0.0)) return 0.0;
+  double sum = 0.0;
+  for (const Outline& piece : lit_outlines(face, normal)) sum += signed_area(piece);
+  return sum;
+}
+
+std::vector<std::vector<Eigen::Vector2d>> BeamView::lit_outlines(int face, const Eigen::Vector3d& normal) const {
+  if (!(normal.dot(direction_) < 0.0)) return {};
   const auto f = static_cast<std::size_t>(face);
   const mesh::Face& corners = faces_.corners[f];
   const auto point = [&](const mesh::Face& of, int k) -> const Eigen::Vector3d& {
@@ -227,9 +229,9 @@ double BeamView::lit_area(int face, const Eigen::Vector3d& normal) const {
     if (area == 0.0) continue;  // the beam grazes it
     if (area < 0.0) std::reverse(shadow.begin(), shadow.end());
     lit.subtract(shadow);
-    if (lit.empty()) return 0.0;
+    if (lit.empty()) return {};
   }
-  return lit.area();
+  return lit.take();
 }
 
 }  // namespace interglow::radiosity

@@ -23,6 +23,12 @@ class BeamView {
   /// Cost O(log faces + pieces × blockers), blockers: faces that the beam meets together with this one.
   double lit_area(int face, const Eigen::Vector3d& normal) const;
 
+  /// The same part as disjoint convex outlines, counter-clockwise, in coordinates along axis_u() and axis_v() relative
+  /// to the face's first corner; empty where nothing is lit.
+  std::vector<std::vector<Eigen::Vector2d>> lit_outlines(int face, const Eigen::Vector3d& normal) const;
+  const Eigen::Vector3d& axis_u() const { return u_; }
+  const Eigen::Vector3d& axis_v() const { return v_; }
+
  private:
   struct Box {
     Eigen::Array2d low;

@@ -8,6 +8,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <span>
 
 #include "diagnostics/error.h"
 #include "radiosity/beam_view.h"
@@ -17,37 +18,41 @@ namespace {
 
 constexpr Eigen::Index kChunkElements = 64;
 
-struct WeightedDirection {
-  Eigen::Vector3d direction;
-  double weight;
-};
-
-/// Directions that stand for a uniform disk: 4 rings at the Gauss-Legendre nodes of r² times 8 directions, turned from
-/// ring to ring; exact for polynomials up to degree 7 across the disk. The weight of a direction includes 1 / cos of
-/// its angle to the axis, so that a surface facing the axis receives 1.
-std::vector<WeightedDirection> disk_directions(const Eigen::Vector3d& axis, double half_angle_rad) {
+/// 8 directions on rings at shares `node` of the disk's area, of these weights; each ring turned against the last.
+std::vector<BeamDirection> directions_on_rings(const Eigen::Vector3d& axis, double half_angle_rad,
+                                               std::span<const double> node, std::span<const double> weight) {
   if (half_angle_rad == 0.0) return {{axis, 1.0}};
-  constexpr std::array<double, 4> kNode = {0.0694318442029737, 0.3300094782075719, 0.6699905217924281,
-                                           0.9305681557970263};
-  constexpr std::array<double, 4> kWeight = {0.1739274225687269, 0.3260725774312731, 0.3260725774312731,
-                                             0.1739274225687269};
   constexpr int kAngles = 8;
   const Eigen::Vector3d u = axis.unitOrthogonal();
   const Eigen::Vector3d v = axis.cross(u);
-  std::vector<WeightedDirection> directions;
-  for (std::size_t ring = 0; ring < kNode.size(); ++ring) {
-    const double radius = std::sin(half_angle_rad) * std::sqrt(kNode[ring]);
+  std::vector<BeamDirection> directions;
+  for (std::size_t ring = 0; ring < node.size(); ++ring) {
+    const double radius = std::sin(half_angle_rad) * std::sqrt(node[ring]);
     const double cosine = std::sqrt(1.0 - radius * radius);
     for (int k = 0; k < kAngles; ++k) {
       const double angle = 2.0 * std::numbers::pi * (k + 0.25 * static_cast<double>(ring)) / kAngles;
       const Eigen::Vector3d direction = cosine * axis + radius * (std::cos(angle) * u + std::sin(angle) * v);
-      directions.push_back({direction, kWeight[ring] / kAngles / cosine});
+      directions.push_back({direction, weight[ring] / kAngles / cosine});
     }
   }
   return directions;
 }
 
 }  // namespace
+
+std::vector<BeamDirection> disk_directions(const Eigen::Vector3d& axis, double half_angle_rad) {
+  constexpr std::array<double, 4> kNode = {0.0694318442029737, 0.3300094782075719, 0.6699905217924281,
+                                           0.9305681557970263};
+  constexpr std::array<double, 4> kWeight = {0.1739274225687269, 0.3260725774312731, 0.3260725774312731,
+                                             0.1739274225687269};
+  return directions_on_rings(axis, half_angle_rad, kNode, kWeight);
+}
+
+std::vector<BeamDirection> ring_directions(const Eigen::Vector3d& axis, double half_angle_rad) {
+  constexpr std::array<double, 1> kNode = {0.5};
+  constexpr std::array<double, 1> kWeight = {1.0};
+  return directions_on_rings(axis, half_angle_rad, kNode, kWeight);
+}
 
 LightTerm directional_term(const scene::DirectionalLight& light, const Elements& elements, const Progress& progress) {
   if (std::abs(light.direction.norm() - 1.0) > 1e-9) {
@@ -59,7 +64,7 @@ LightTerm directional_term(const scene::DirectionalLight& light, const Elements&
         fmt::format("light {}: half_angle_rad {}; expected a value in [0, π/2).", light.name, light.half_angle_rad));
   }
   LightTerm term{light.name, Eigen::VectorXd::Zero(elements.size()), light.normal_irradiance};
-  const std::vector<WeightedDirection> directions = disk_directions(light.direction.normalized(), light.half_angle_rad);
+  const std::vector<BeamDirection> directions = disk_directions(light.direction.normalized(), light.half_angle_rad);
   const Eigen::Index chunks = (elements.size() + kChunkElements - 1) / kChunkElements;
   for (std::size_t k = 0; k < directions.size(); ++k) {
     progress.update("direct light", static_cast<double>(k) / static_cast<double>(directions.size()));

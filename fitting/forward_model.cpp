@@ -1,0 +1,532 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "fitting/forward_model.h"
+
+#include <fmt/format.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "diagnostics/error.h"
+#include "fitting/coverage.h"
+#include "fitting/node_gather.h"
+#include "rendering/ray_scene.h"
+#include "rendering/surface.h"
+
+namespace interglow::fitting {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+using radiosity::RowMatrix;
+
+/// Tilt of the light for differences of exact areas [rad]: far below a pixel of shadow motion, far above rounding.
+constexpr double kLightStep = 2e-5;
+/// Motion in the picture for differences of exact coverage [px].
+constexpr double kPictureStep = 2e-3;
+constexpr int kMostBounces = 10000;
+/// Triangles near another object are cut in four up to three times: to an eighth of the patches.
+constexpr int kMostCuts = 3;
+
+/// A step of a camera parameter for differences of exact coverage.
+struct CameraStep {
+  Eigen::Matrix<double, LensCamera::kParameters, 1> step;
+  double size = 0.0;
+};
+
+CameraStep camera_step(const LensCamera& camera, int parameter) {
+  // A unit of the parameter moves the picture by about this many pixels.
+  const double half = 0.5 * camera.width;
+  const double depth = camera.pivot_in_camera.z();
+  double motion = half;  // turn about the viewing axis, focal length
+  if (parameter == kShiftX || parameter == kShiftY) motion = camera.focal_px / depth;
+  if (parameter == kShiftZ) motion = half / depth;
+  if (parameter == kPrincipalX || parameter == kPrincipalY) motion = 1.0;
+  if (parameter == kDistortion) motion = half * half * half / (camera.focal_px * camera.focal_px);
+  CameraStep result;
+  result.size = kPictureStep / motion;
+  result.step.setZero();
+  result.step[parameter - kTurnX] = result.size;
+  return result;
+}
+
+VectorXd covered(const CameraView& view) {
+  VectorXd result = VectorXd::Zero(static_cast<Index>(view.camera.width) * view.camera.height);
+  for (const Fragment& fragment : view.fragments) result[fragment.pixel] += fragment.area;
+  return result;
+}
+
+}  // namespace
+
+void validate(const ForwardParams& params) {
+  radiosity::validate(params.transport);
+  if (params.bounces && *params.bounces < 0)
+    throw InvalidParams(fmt::format("bounces is {}, expected at least 0.", *params.bounces));
+  if (!(params.spectral_tolerance >= 1e-10 && params.spectral_tolerance <= 1e-2)) {
+    throw InvalidParams(
+        fmt::format("spectral_tolerance is {}, expected a value in [1e-10, 1e-2].", params.spectral_tolerance));
+  }
+  if (!(params.solve_tolerance >= 1e-14 && params.solve_tolerance <= 1e-3)) {
+    throw InvalidParams(
+        fmt::format("solve_tolerance is {}, expected a value in [1e-14, 1e-3].", params.solve_tolerance));
+  }
+}
+
+int shared_count(const scene::Scene& scene) { return kFirstScale + static_cast<int>(scene.materials.size()); }
+
+Eigen::Matrix<double, 3, 2> light_tangents(const Vector3d& direction) {
+  // Along the world's y axis and across it where possible, so that names in reports read easily.
+  const Vector3d axis = std::abs(direction.y()) < 0.9 ? Vector3d::UnitY() : Vector3d::UnitX();
+  Eigen::Matrix<double, 3, 2> tangents;
+  tangents.col(1) = (axis - axis.dot(direction) * direction).normalized();
+  tangents.col(0) = tangents.col(1).cross(direction).normalized();
+  return tangents;
+}
+
+std::string parameter_name(const scene::Scene& scene, const FitState& state, int parameter) {
+  switch (parameter) {
+    case kLightU:
+    case kLightV: {
+      const Vector3d along = light_tangents(state.light_direction).col(parameter);
+      return fmt::format("light tilt along ({:.2f}, {:.2f}, {:.2f})", along.x(), along.y(), along.z());
+    }
+    case kTurnX:
+      return "camera turn about its x axis";
+    case kTurnY:
+      return "camera turn about its y axis";
+    case kTurnZ:
+      return "camera turn about its viewing axis";
+    case kShiftX:
+      return "camera shift to the right";
+    case kShiftY:
+      return "camera shift down";
+    case kShiftZ:
+      return "camera distance";
+    case kFocal:
+      return "focal length (logarithm)";
+    case kPrincipalX:
+      return "principal point, column";
+    case kPrincipalY:
+      return "principal point, row";
+    case kDistortion:
+      return "radial distortion";
+    case kBlur:
+      return "blur";
+    case kW:
+      return "w/w'";
+    default:
+      return "reflectance scale of " + scene.materials[static_cast<std::size_t>(parameter - kFirstScale)].name;
+  }
+}
+
+std::string parameter_unit(int parameter) {
+  if (parameter <= kTurnZ) return "rad";
+  if (parameter <= kShiftZ) return "mm";
+  if (parameter == kPrincipalX || parameter == kPrincipalY || parameter == kBlur) return "px";
+  return "1";
+}
+
+FitState moved(const FitState& state, const VectorXd& step) {
+  FitState result = state;
+  result.light_direction =
+      (state.light_direction + light_tangents(state.light_direction) * step.segment<2>(kLightU)).normalized();
+  result.camera = state.camera.moved(step.segment<LensCamera::kParameters>(kTurnX));
+  result.blur_px += step[kBlur];
+  result.w += step[kW];
+  for (Index m = 0; m < result.scale.size(); ++m) result.scale[m] += step[kFirstScale + m];
+  return result;
+}
+
+RowMatrix blurred(const RowMatrix& image, int width, int height, double sigma_px, bool derivative) {
+  if (!(sigma_px >= kLeastBlur)) return derivative ? RowMatrix(RowMatrix::Zero(image.rows(), image.cols())) : image;
+  const int reach = static_cast<int>(std::ceil(5.0 * sigma_px));
+  VectorXd kernel(2 * reach + 1);
+  VectorXd slope(2 * reach + 1);
+  for (int k = -reach; k <= reach; ++k) {
+    const double square = static_cast<double>(k) * k;
+    kernel[k + reach] = std::exp(-0.5 * square / (sigma_px * sigma_px));
+    slope[k + reach] = kernel[k + reach] * square / (sigma_px * sigma_px * sigma_px);
+  }
+  const double sum = kernel.sum();
+  slope = slope / sum - kernel * (slope.sum() / (sum * sum));
+  kernel /= sum;
+  const auto mirrored = [](int i, int n) {
+    while (i < 0 || i >= n) i = i < 0 ? -1 - i : 2 * n - 1 - i;
+    return i;
+  };
+  const auto pass = [&](const RowMatrix& from, const VectorXd& weights, bool along_rows) {
+    RowMatrix to = RowMatrix::Zero(from.rows(), from.cols());
+    tbb::parallel_for(tbb::blocked_range<int>(0, height, 4), [&](const tbb::blocked_range<int>& range) {
+      for (int row = range.begin(); row < range.end(); ++row) {
+        for (int column = 0; column < width; ++column) {
+          auto out = to.row(static_cast<Index>(row) * width + column);
+          for (int k = -reach; k <= reach; ++k) {
+            const Index source = along_rows ? static_cast<Index>(row) * width + mirrored(column + k, width)
+                                            : static_cast<Index>(mirrored(row + k, height)) * width + column;
+            out += weights[k + reach] * from.row(source);
+          }
+        }
+      }
+    });
+    return to;
+  };
+  const RowMatrix across = pass(image, kernel, true);
+  if (!derivative) return pass(across, kernel, false);
+  return pass(across, slope, false) + pass(pass(image, slope, true), kernel, false);
+}
+
+struct ForwardModel::Impl {
+  scene::Scene scene;
+  ForwardParams params;
+  radiosity::Elements elements;
+  rendering::Surface surface;
+  rendering::RayScene rays;
+  Triangles triangles;
+  radiosity::Transport transport;
+  SpectralReduction spectra;
+  RowMatrix palette;
+  NodeGather gather;
+  std::vector<int> group;  ///< material of each triangle's front, -1 black; backs have the same or none
+
+  Impl(const scene::Scene& of, const ForwardParams& with, const Progress& progress)
+      : scene(of),
+        params(with),
+        elements(radiosity::make_elements(scene)),
+        surface(scene, elements),
+        rays(elements.faces),
+        triangles(make_triangles(scene, elements, surface, kMostCuts)),
+        transport(radiosity::Transport::build(elements, params.transport, progress)),
+        spectra(reduce_spectra(scene, scene.directional_lights.front().normal_irradiance, params.spectral_tolerance)),
+        gather(triangles, surface, elements, rays) {
+    const Index per_material = 1 + spectra.modes();
+    palette.resize(per_material * static_cast<Index>(scene.materials.size()), spectra.bands());
+    for (std::size_t m = 0; m < scene.materials.size(); ++m)
+      palette.middleRows(static_cast<Index>(m) * per_material, per_material) = spectra.palette[m];
+    for (std::size_t t = 0; t < triangles.size(); ++t)
+      group.push_back(scene.objects[static_cast<std::size_t>(triangles.faces.object[t])].material);
+  }
+
+  /// Irradiance factors of the elements: mean of cosine × lit share over their triangles.
+  VectorXd element_factor(const LightView& light) const {
+    VectorXd factor = VectorXd::Zero(elements.size());
+    for (std::size_t t = 0; t < triangles.size(); ++t) {
+      const auto face = static_cast<std::size_t>(triangles.face[t]);
+      const int element = light.back[t] ? elements.back_element[face] : elements.front_element[face];
+      if (element < 0) continue;
+      const auto& c = triangles.corner[t];
+      factor[element] += light.factor[t] * 0.5 * (c[1] - c[0]).cross(c[2] - c[0]).norm() / elements.area_mm2[element];
+    }
+    return factor;
+  }
+
+  Index per_material() const { return 1 + spectra.modes(); }
+
+  /// Radiosity that direct light v and indirect light C send out: elements x modes.
+  RowMatrix sent(const VectorXd& v, const RowMatrix& arriving, const VectorXd& scale) const {
+    RowMatrix result = RowMatrix::Zero(elements.size(), spectra.modes());
+    for (Index e = 0; e < elements.size(); ++e) {
+      const int m = elements.material[static_cast<std::size_t>(e)];
+      if (m < 0) continue;
+      const auto k = static_cast<std::size_t>(m);
+      result.row(e) = scale[m] * v[e] * spectra.from_direct[k];
+      result.row(e).noalias() += scale[m] * arriving.row(e) * spectra.from_indirect[k];
+    }
+    return result;
+  }
+
+  /// Radiosity of the light that arrives last, for several sources at once: source s sends `first[s]` besides what the
+  /// indirect light sends. Blocks of `modes` columns.
+  RowMatrix last_radiosity(const RowMatrix& first, const VectorXd& scale) const {
+    const Index modes = spectra.modes();
+    const Index sources = first.cols() / modes;
+    RowMatrix radiosity = first;
+    const int bounces = params.bounces ? *params.bounces : kMostBounces;
+    const double size = first.cwiseAbs().maxCoeff();
+    RowMatrix term = first;
+    // The sum over bounces itself: each term is what one more bounce adds.
+    for (int k = 1; k < bounces; ++k) {
+      const RowMatrix arriving = transport.apply(term);
+      for (Index e = 0; e < elements.size(); ++e) {
+        const int m = elements.material[static_cast<std::size_t>(e)];
+        for (Index s = 0; s < sources; ++s) {
+          if (m < 0) {
+            term.block(e, s * modes, 1, modes).setZero();
+          } else {
+            term.block(e, s * modes, 1, modes).noalias() =
+                scale[m] * arriving.block(e, s * modes, 1, modes) * spectra.from_indirect[static_cast<std::size_t>(m)];
+          }
+        }
+      }
+      radiosity += term;
+      if (!params.bounces && term.cwiseAbs().maxCoeff() <= params.solve_tolerance * size) break;
+      if (k + 1 == kMostBounces) {
+        throw NumericalFailure(
+            "The fit's light did not settle within 10000 bounces: the scene is closed and its reflectances are near "
+            "1.");
+      }
+    }
+    return radiosity;
+  }
+
+  /// Sides that a camera sees.
+  std::vector<int> seen_sides(const CameraView& view) const {
+    std::vector<int> sides;
+    for (std::size_t t = 0; t < triangles.size(); ++t) {
+      if (!view.part[t].empty() && seen_material(view, t) >= 0)
+        sides.push_back(2 * static_cast<int>(t) + (view.back[t] ? 1 : 0));
+    }
+    return sides;
+  }
+  int seen_material(const CameraView& view, std::size_t t) const {
+    const auto face = static_cast<std::size_t>(triangles.face[t]);
+    const int element = view.back[t] ? elements.back_element[face] : elements.front_element[face];
+    return element < 0 ? -1 : elements.material[static_cast<std::size_t>(element)];
+  }
+  std::vector<int> seen_groups(const CameraView& view) const {
+    std::vector<int> groups(triangles.size());
+    for (std::size_t t = 0; t < groups.size(); ++t) groups[t] = seen_material(view, t);
+    return groups;
+  }
+
+  /// Indirect irradiance of every pixel: pixels x (materials × modes), from values at the points (points x modes).
+  RowMatrix indirect_image(const CameraView& view, const RowMatrix& values, Index first_column) const {
+    const Index modes = spectra.modes();
+    const Index pixels = static_cast<Index>(view.camera.width) * view.camera.height;
+    RowMatrix image = RowMatrix::Zero(pixels, modes * static_cast<Index>(scene.materials.size()));
+    tbb::parallel_for(tbb::blocked_range<Index>(0, pixels, 1024), [&](const tbb::blocked_range<Index>& range) {
+      Eigen::RowVectorXd sum(modes);
+      for (Index pixel = range.begin(); pixel < range.end(); ++pixel) {
+        const auto p = static_cast<std::size_t>(pixel);
+        for (std::size_t f = view.first[p]; f < view.first[p + 1]; ++f) {
+          const Fragment& fragment = view.fragments[f];
+          const auto t = static_cast<std::size_t>(fragment.triangle);
+          const int m = seen_material(view, t);
+          if (m < 0) continue;
+          const std::array<int, 6>& points = gather.points(2 * fragment.triangle + (view.back[t] ? 1 : 0));
+          sum.setZero();
+          for (std::size_t k = 0; k < 6; ++k)
+            sum += fragment.shape[k] * values.block(points[k], first_column, 1, modes);
+          image.block(pixel, m * modes, 1, modes) += sum;
+        }
+      }
+    });
+    return image;
+  }
+
+  /// Channels of a picture before the blur.
+  RowMatrix join(const RowMatrix& direct, const RowMatrix& indirect, const FitState& state) const {
+    const Index modes = spectra.modes();
+    RowMatrix channels(indirect.rows(), palette.rows());
+    for (Index m = 0; m < static_cast<Index>(scene.materials.size()); ++m) {
+      channels.col(m * per_material()) = state.scale[m] * direct.col(m);
+      channels.middleCols(m * per_material() + 1, modes) =
+          state.scale[m] * state.w * indirect.middleCols(m * modes, modes);
+    }
+    return channels;
+  }
+};
+
+ForwardModel::ForwardModel(const scene::Scene& scene, const ForwardParams& params, const Progress& progress) {
+  validate(params);
+  scene::validate(scene);
+  bool emits = scene.sky.has_value();
+  for (const scene::Object& object : scene.objects) emits = emits || object.emits();
+  if (scene.directional_lights.size() != 1 || emits) {
+    throw InvalidInput(fmt::format(
+        "The fit needs a scene with one directional light and no other light; this one has {} directional lights{}. "
+        "Leave one lamp in the scene file.",
+        scene.directional_lights.size(), emits ? " and a sky or an emitting surface" : ""));
+  }
+  if (!(scene.directional_lights.front().normal_irradiance.maxCoeff() > 0.0))
+    throw InvalidInput("light " + scene.directional_lights.front().name + ": its spectrum is 0 in all bands.");
+  impl_ = std::make_unique<Impl>(scene, params, progress);
+}
+
+ForwardModel::~ForwardModel() = default;
+
+const scene::Scene& ForwardModel::scene() const { return impl_->scene; }
+const SpectralReduction& ForwardModel::spectra() const { return impl_->spectra; }
+const radiosity::Elements& ForwardModel::elements() const { return impl_->elements; }
+const radiosity::Transport& ForwardModel::transport() const { return impl_->transport; }
+Index ForwardModel::channels() const { return impl_->palette.rows(); }
+const RowMatrix& ForwardModel::palette() const { return impl_->palette; }
+void ForwardModel::set_bounces(std::optional<int> bounces) { impl_->params.bounces = bounces; }
+
+FitState ForwardModel::initial_state() const {
+  const scene::Scene& scene = impl_->scene;
+  FitState state;
+  state.light_direction = scene.directional_lights.front().direction;
+  state.half_angle_rad = scene.directional_lights.front().half_angle_rad;
+  const Vector3d pivot =
+      (impl_->elements.area_mm2.transpose() * impl_->elements.centroid).transpose() / impl_->elements.area_mm2.sum();
+  state.camera = lens_camera(scene.camera, pivot);
+  state.scale = VectorXd::Ones(static_cast<Index>(scene.materials.size()));
+  state.gain = VectorXd::Ones(impl_->spectra.bands());
+  state.offset = VectorXd::Zero(impl_->spectra.bands());
+  return state;
+}
+
+Evaluation ForwardModel::evaluate(const FitState& state, const std::vector<int>& wanted,
+                                  const Progress& progress) const {
+  Impl& impl = *impl_;
+  const Index modes = impl.spectra.modes();
+  const auto materials = static_cast<Index>(impl.scene.materials.size());
+  const int width = state.camera.width;
+  const int height = state.camera.height;
+  const auto asked = [&](int parameter) { return std::find(wanted.begin(), wanted.end(), parameter) != wanted.end(); };
+
+  // Light: irradiance factors of the elements and their derivatives, indirect light of all of them at once.
+  const Eigen::Matrix<double, 3, 2> tangents = light_tangents(state.light_direction);
+  const auto tilted = [&](int axis, double step) -> Vector3d {
+    return (state.light_direction + step * tangents.col(axis)).normalized();
+  };
+  const LightView light = light_view(impl.triangles, state.light_direction, state.half_angle_rad);
+  std::array<std::array<LightView, 2>, 2> tilted_light;  // of the tilts asked for: behind, ahead
+  for (const int axis : {0, 1}) {
+    if (!asked(axis)) continue;
+    for (const int ahead : {0, 1}) {
+      const Vector3d direction = tilted(axis, ahead ? kLightStep : -kLightStep);
+      tilted_light[static_cast<std::size_t>(axis)][static_cast<std::size_t>(ahead)] =
+          light_view(impl.triangles, direction, state.half_angle_rad);
+    }
+  }
+  const VectorXd v = impl.element_factor(light);
+  const RowMatrix nothing = RowMatrix::Zero(impl.elements.size(), modes);
+  std::vector<int> sources;  // of the solve beside the light itself: parameters
+  for (const int parameter : {static_cast<int>(kLightU), static_cast<int>(kLightV)}) {
+    if (asked(parameter)) sources.push_back(parameter);
+  }
+  for (Index m = 0; m < materials; ++m) {
+    if (asked(kFirstScale + static_cast<int>(m))) sources.push_back(kFirstScale + static_cast<int>(m));
+  }
+  const bool bounces = !impl.params.bounces || *impl.params.bounces > 0;
+  RowMatrix values;  // at the points: light, then each source
+  RowMatrix last;
+  if (bounces) {
+    const RowMatrix own = impl.last_radiosity(impl.sent(v, nothing, state.scale), state.scale);
+    RowMatrix first(impl.elements.size(), modes * static_cast<Index>(sources.size()));
+    for (std::size_t s = 0; s < sources.size(); ++s) {
+      auto block = first.middleCols(static_cast<Index>(s) * modes, modes);
+      if (sources[s] <= kLightV) {
+        const auto& pair = tilted_light[static_cast<std::size_t>(sources[s])];
+        const VectorXd dv = (impl.element_factor(pair[1]) - impl.element_factor(pair[0])) / (2.0 * kLightStep);
+        block = impl.sent(dv, nothing, state.scale);
+      } else {
+        // B = s D (E + F B): dB = D (E + F B) + s D F dB, so the material sends B / s besides.
+        const int material = sources[s] - kFirstScale;
+        block.setZero();
+        for (Index e = 0; e < impl.elements.size(); ++e) {
+          if (impl.elements.material[static_cast<std::size_t>(e)] == material)
+            block.row(e) = own.row(e) / state.scale[material];
+        }
+      }
+    }
+    last.resize(impl.elements.size(), modes * static_cast<Index>(1 + sources.size()));
+    last.leftCols(modes) = own;
+    if (!sources.empty()) last.rightCols(first.cols()) = impl.last_radiosity(first, state.scale);
+    if (progress.report || progress.cancelled) progress.update("light", 1.0);
+  }
+
+  const auto camera_picture = [&](const CameraView& view, Evaluation* whole) {
+    impl.gather.require(impl.seen_sides(view), progress);
+    if (bounces) {
+      if (values.rows() != static_cast<Index>(impl.gather.size())) values = impl.gather.apply(last);
+    } else if (values.rows() != static_cast<Index>(impl.gather.size())) {
+      values = RowMatrix::Zero(static_cast<Index>(impl.gather.size()), modes * static_cast<Index>(1 + sources.size()));
+    }
+    const RowMatrix direct =
+        direct_image(impl.triangles, view, light, impl.seen_groups(view), static_cast<int>(materials));
+    const RowMatrix indirect = impl.indirect_image(view, values, 0);
+    if (whole != nullptr) {
+      whole->direct = impl.join(direct, RowMatrix::Zero(indirect.rows(), indirect.cols()), state);
+    }
+    return impl.join(direct, indirect, state);
+  };
+
+  Evaluation result;
+  const CameraView view = camera_view(impl.triangles, state.camera);
+  const RowMatrix sharp = camera_picture(view, &result);
+  result.channels = blurred(sharp, width, height, state.blur_px);
+  result.coverage = blurred(covered(view), width, height, state.blur_px).col(0);
+
+  result.derivative.resize(static_cast<std::size_t>(shared_count(impl.scene)));
+  const auto blur = [&](const RowMatrix& image) { return blurred(image, width, height, state.blur_px); };
+  const std::vector<int> groups = impl.seen_groups(view);
+  for (const int axis : {0, 1}) {
+    if (!asked(axis)) continue;
+    const auto tilted_picture = [&](std::size_t ahead) {
+      return direct_image(impl.triangles, view, tilted_light[static_cast<std::size_t>(axis)][ahead], groups,
+                          static_cast<int>(materials));
+    };
+    const RowMatrix direct = (tilted_picture(1) - tilted_picture(0)) / (2.0 * kLightStep);
+    const auto source = std::find(sources.begin(), sources.end(), axis) - sources.begin();
+    const RowMatrix indirect = impl.indirect_image(view, values, (1 + source) * modes);
+    result.derivative[static_cast<std::size_t>(axis)] = blur(impl.join(direct, indirect, state));
+  }
+  for (int parameter = kTurnX; parameter < kBlur; ++parameter) {
+    if (!asked(parameter)) continue;
+    if (progress.report || progress.cancelled)
+      progress.update("camera derivatives", static_cast<double>(parameter - kTurnX) / LensCamera::kParameters);
+    const CameraStep step = camera_step(state.camera, parameter);
+    const CameraView ahead_view = camera_view(impl.triangles, state.camera.moved(step.step));
+    const RowMatrix ahead = camera_picture(ahead_view, nullptr);
+    const CameraView behind_view = camera_view(impl.triangles, state.camera.moved(-step.step));
+    const RowMatrix behind = camera_picture(behind_view, nullptr);
+    result.derivative[static_cast<std::size_t>(parameter)] = blur((ahead - behind) / (2.0 * step.size));
+  }
+  if (asked(kBlur)) {
+    result.derivative[kBlur] = blurred(sharp, width, height, std::max(state.blur_px, kLeastBlur), true);
+  }
+  result.direct = blur(result.direct);
+  if (asked(kW)) result.derivative[kW] = (result.channels - result.direct) / state.w;
+  for (Index m = 0; m < materials; ++m) {
+    const int parameter = kFirstScale + static_cast<int>(m);
+    if (!asked(parameter)) continue;
+    const auto source = std::find(sources.begin(), sources.end(), parameter) - sources.begin();
+    const RowMatrix indirect = impl.indirect_image(view, values, (1 + source) * modes);
+    RowMatrix derivative = blur(impl.join(RowMatrix::Zero(sharp.rows(), materials), indirect, state));
+    // The material itself shows more of all that arrives.
+    derivative.middleCols(m * impl.per_material(), impl.per_material()) +=
+        result.channels.middleCols(m * impl.per_material(), impl.per_material()) / state.scale[m];
+    result.derivative[static_cast<std::size_t>(parameter)] = derivative;
+  }
+  return result;
+}
+
+CoverageEvaluation ForwardModel::coverage(const LensCamera& camera, double blur_px,
+                                          const std::vector<int>& wanted) const {
+  const auto seen = [&](const LensCamera& from) -> VectorXd {
+    return blurred(covered(camera_view(impl_->triangles, from)), camera.width, camera.height, blur_px).col(0);
+  };
+  CoverageEvaluation result;
+  result.value = seen(camera);
+  for (const int parameter : wanted) {
+    const CameraStep step = camera_step(camera, parameter);
+    result.derivative.emplace_back((seen(camera.moved(step.step)) - seen(camera.moved(-step.step))) /
+                                   (2.0 * step.size));
+  }
+  return result;
+}
+
+image::SpectralImage picture(const ForwardModel& model, const FitState& state, const Evaluation& evaluation) {
+  image::SpectralImage image;
+  image.width = state.camera.width;
+  image.height = state.camera.height;
+  image.wavelength_nm = model.spectra().wavelength_nm;
+  const Index bands = model.spectra().bands();
+  image.value.resize(static_cast<std::size_t>(evaluation.channels.rows() * bands));
+  for (Index p = 0; p < evaluation.channels.rows(); ++p) {
+    const Eigen::RowVectorXd value =
+        (evaluation.channels.row(p) * model.palette()).cwiseProduct(state.gain.transpose()) + state.offset.transpose();
+    Eigen::Map<Eigen::RowVectorXf>(image.value.data() + p * bands, bands) = value.cast<float>();
+  }
+  return image;
+}
+
+}  // namespace interglow::fitting

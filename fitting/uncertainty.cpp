@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+#include "fitting/uncertainty.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace interglow::fitting {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+/// Singular values below this share of the largest are rounding of differences and form factors.
+constexpr double kRounding = 1e-7;
+/// A parameter takes part in a direction with at least this share of its length.
+constexpr double kTakesPart = 0.25;
+constexpr double kInterval95 = 3.8414588;  ///< χ² with one degree of freedom
+
+MatrixXd with_priors(const SceneFit& fit, const FitParams& params) {
+  const auto count = static_cast<Index>(fit.free.size());
+  TileQr joined(count + 1);
+  joined.add(fit.compressed.shared_triangle.leftCols(count + 1));
+  const MatrixXd priors = prior_rows(fit.state, fit.state.camera, fit.free, params);
+  if (priors.rows() > 0) joined.add(priors);
+  return joined.triangle();
+}
+
+/// Axis that the surfaces' normals hardly leave their plane along, if there is one: that of cylinders.
+std::optional<Vector3d> normals_axis(const radiosity::Elements& elements) {
+  Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
+  for (Index e = 0; e < elements.size(); ++e)
+    spread += elements.area_mm2[e] * elements.normal.row(e).transpose() * elements.normal.row(e);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(spread);
+  if (eigen.eigenvalues()[0] > 1e-4 * eigen.eigenvalues()[2]) return std::nullopt;
+  return eigen.eigenvectors().col(0);
+}
+
+std::string sentence_of(const ForwardModel& model, const SceneFit& fit, const VectorXd& unit, const VectorXd& step) {
+  // Participants, the strongest first; the two tilts of the light are one.
+  std::vector<std::pair<double, std::string>> parts;
+  const Eigen::Matrix<double, 3, 2> tangents = light_tangents(fit.state.light_direction);
+  Vector3d tilt = Vector3d::Zero();
+  double tilt_share = 0.0;
+  for (std::size_t k = 0; k < fit.free.size(); ++k) {
+    const double share = unit[static_cast<Index>(k)];
+    if (fit.free[k] <= kLightV) {
+      tilt += share * tangents.col(fit.free[k]);
+      tilt_share = std::hypot(tilt_share, share);
+    } else if (std::abs(share) >= kTakesPart) {
+      parts.emplace_back(std::abs(share), parameter_name(model.scene(), fit.state, fit.free[k]));
+    }
+  }
+  if (tilt_share >= kTakesPart) {
+    tilt.normalize();
+    const std::optional<Vector3d> axis = normals_axis(model.elements());
+    const std::string along =
+        axis && std::abs(axis->dot(tilt)) > 0.85
+            ? fmt::format("light tilt along the axis of the surfaces ({:.2f}, {:.2f}, {:.2f})", std::abs(axis->x()),
+                          std::abs(axis->y()), std::abs(axis->z()))
+            : fmt::format("light tilt along ({:.2f}, {:.2f}, {:.2f})", tilt.x(), tilt.y(), tilt.z());
+    parts.emplace_back(tilt_share, along);
+  }
+  std::sort(parts.begin(), parts.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
+  // How far the bands' gains move with it, relative to themselves.
+  if (fit.compressed.own > 0) {
+    double square = 0.0;
+    for (std::size_t b = 0; b < fit.compressed.band.size(); ++b)
+      square += std::pow((fit.compressed.own_response(b) * step)[0] / fit.state.gain[static_cast<Index>(b)], 2);
+    if (std::sqrt(square / static_cast<double>(fit.compressed.band.size())) > 0.02) parts.emplace_back(0.0, "the gain");
+  }
+  std::string text;
+  if (parts.size() == 1) return parts[0].second + " changes nothing that the capture shows";
+  for (std::size_t k = 0; k < parts.size(); ++k)
+    text += (k == 0 ? "" : k == 1 ? " trades with " : k + 1 == parts.size() ? " and " : ", ") + parts[k].second;
+  return text;
+}
+
+double value_of(const FitState& state, int parameter) {
+  if (parameter == kFocal) return std::log(state.camera.focal_px);
+  if (parameter == kPrincipalX || parameter == kPrincipalY) return state.camera.principal_px[parameter - kPrincipalX];
+  if (parameter == kDistortion) return state.camera.distortion;
+  if (parameter == kBlur) return state.blur_px;
+  if (parameter == kW) return state.w;
+  if (parameter >= kFirstScale) return state.scale[parameter - kFirstScale];
+  if (parameter >= kShiftX && parameter <= kShiftZ) return state.camera.pivot_in_camera[parameter - kShiftX];
+  return 0.0;
+}
+
+/// Rise of χ² at a state over the optimum, gains and offsets refitted.
+double rise_at(const ForwardModel& model, const SceneFit& fit, const FitParams& params, FitState state,
+               double inflation, const Progress& progress) {
+  const Evaluation there = model.evaluate(state, {}, progress);
+  fit_bands(model, fit.data, there, params, state);
+  return (robust_cost(model, fit.data, state, there, params) - fit.cost) * static_cast<double>(fit.residuals) /
+         inflation;
+}
+
+WProfile profile_of(const ForwardModel& model, const SceneFit& fit, const FitParams& params, const MatrixXd& triangle,
+                    const Subspace& space, const VectorXd& ranges, Index column, double sd, double inflation,
+                    const Progress& progress) {
+  const auto count = static_cast<Index>(fit.free.size());
+  WProfile profile;
+  // In the determined directions: the step that moves w by 1 and costs least.
+  const MatrixXd basis = ranges.asDiagonal() * space.strong;
+  const MatrixXd system = triangle.leftCols(count) * basis;
+  const MatrixXd inverse = (system.transpose() * system).ldlt().solve(MatrixXd::Identity(basis.cols(), basis.cols()));
+  const VectorXd along = basis.row(column).transpose();
+  const VectorXd ridge = basis * inverse * along / along.dot(inverse * along);
+  for (const double sigmas : {-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0}) {
+    VectorXd full = VectorXd::Zero(shared_count(model.scene()));
+    for (Index k = 0; k < count; ++k) full[fit.free[static_cast<std::size_t>(k)]] = sigmas * sd * ridge[k];
+    FitState state = moved(fit.state, full);
+    state.blur_px = std::max(state.blur_px, kLeastBlur);
+    profile.w.push_back(state.w);
+    profile.rise.push_back(sigmas == 0.0 ? 0.0 : rise_at(model, fit, params, state, inflation, progress));
+  }
+  // The root of the rise is nearly linear in w on either side.
+  const auto crossing = [&](int direction) {
+    double previous_w = fit.state.w;
+    double previous = 0.0;
+    for (int k = 1; k <= 3; ++k) {
+      const auto at = static_cast<std::size_t>(3 + direction * k);
+      const double root = std::sqrt(std::max(0.0, profile.rise[at]));
+      if (root >= std::sqrt(kInterval95)) {
+        return previous_w + (std::sqrt(kInterval95) - previous) / (root - previous) * (profile.w[at] - previous_w);
+      }
+      previous_w = profile.w[at];
+      previous = root;
+    }
+    return direction * std::numeric_limits<double>::infinity();
+  };
+  profile.low = crossing(-1);
+  profile.high = crossing(1);
+  return profile;
+}
+
+}  // namespace
+
+const ParameterEstimate* Uncertainty::find(int parameter) const {
+  for (const ParameterEstimate& one : parameters) {
+    if (one.parameter == parameter) return &one;
+  }
+  return nullptr;
+}
+
+VectorXd plausible_ranges(const FitState& state, const std::vector<int>& free) {
+  VectorXd ranges(static_cast<Index>(free.size()));
+  for (std::size_t k = 0; k < free.size(); ++k) {
+    const int parameter = free[k];
+    double range = 0.1;  // distortion, reflectance scales, logarithm of the focal length
+    if (parameter <= kTurnZ) range = 0.2;
+    if (parameter >= kShiftX && parameter <= kShiftZ) range = 0.1 * state.camera.pivot_in_camera.z();
+    if (parameter == kPrincipalX || parameter == kPrincipalY) range = 0.05 * state.camera.width;
+    if (parameter == kBlur) range = 1.0;
+    if (parameter == kW) range = 0.5;
+    ranges[static_cast<Index>(k)] = range;
+  }
+  return ranges;
+}
+
+Subspace split_directions(const MatrixXd& triangle, const VectorXd& ranges, double least_strength) {
+  const Index count = ranges.size();
+  const Eigen::JacobiSVD<MatrixXd> svd(triangle.leftCols(count) * ranges.asDiagonal(), Eigen::ComputeFullV);
+  const VectorXd& values = svd.singularValues();
+  Index strong = 0;
+  while (strong < count && values[strong] >= least_strength && values[strong] > kRounding * values[0]) ++strong;
+  return {svd.matrixV().leftCols(strong), values.head(strong), svd.matrixV().rightCols(count - strong),
+          values.tail(count - strong)};
+}
+
+Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitParams& fit_params,
+                    const UncertaintyParams& params, const Progress& progress) {
+  Uncertainty result;
+  const auto count = static_cast<Index>(fit.free.size());
+  const MatrixXd triangle = with_priors(fit, fit_params);
+  const VectorXd ranges = plausible_ranges(fit.state, fit.free);
+  // Residuals larger than their weights say make everything less sure.
+  const double excess = std::sqrt(std::max(1.0, fit.chi_square));
+  const Subspace space = split_directions(triangle, ranges, excess / params.weak_share);
+
+  const MatrixXd basis = ranges.asDiagonal() * space.strong;
+  const MatrixXd bread = basis * space.strength.array().square().inverse().matrix().asDiagonal() * basis.transpose();
+  result.covariance = bread * fit.score_scatter * bread;
+  result.correlation = MatrixXd::Zero(count, count);
+  for (Index i = 0; i < count; ++i) {
+    for (Index j = 0; j < count; ++j) {
+      const double scale = std::sqrt(result.covariance(i, i) * result.covariance(j, j));
+      result.correlation(i, j) = scale > 0.0 ? result.covariance(i, j) / scale : 0.0;
+    }
+  }
+
+  for (Index d = 0; d < space.weak.cols(); ++d) {
+    WeakDirection weak;
+    weak.step = ranges.cwiseProduct(space.weak.col(d));
+    const bool rounding = !(space.weak_strength[d] > kRounding * (space.strength.size() > 0 ? space.strength[0] : 1.0));
+    weak.sd_share = rounding ? std::numeric_limits<double>::infinity() : excess / space.weak_strength[d];
+    weak.sentence = sentence_of(model, fit, space.weak.col(d), weak.step);
+    result.weak.push_back(weak);
+  }
+
+  // Two halves of the picture, each from the optimum by one step in the determined directions.
+  VectorXd half_step = VectorXd::Zero(count);
+  if (fit.half_triangle.size() == 2 && space.strong.cols() > 0) {
+    const auto step_of = [&](const MatrixXd& half) -> VectorXd {
+      return basis * (half.leftCols(count) * basis).colPivHouseholderQr().solve(half.col(count));
+    };
+    half_step = step_of(fit.half_triangle[0]) - step_of(fit.half_triangle[1]);
+  }
+  for (Index k = 0; k < count; ++k) {
+    ParameterEstimate one;
+    one.parameter = fit.free[static_cast<std::size_t>(k)];
+    one.name = parameter_name(model.scene(), fit.state, one.parameter);
+    one.unit = parameter_unit(one.parameter);
+    one.value = value_of(fit.state, one.parameter);
+    for (Index d = 0; d < space.weak.cols(); ++d)
+      one.determined = one.determined && std::abs(space.weak(k, d)) < kTakesPart;
+    if (one.parameter == kBlur && fit.state.blur_px <= kLeastBlur + 1e-9) one.determined = false;
+    one.sd = std::sqrt(result.covariance(k, k));
+    one.model_sd = std::sqrt(bread(k, k));
+    // Each half knows half as much: their difference has twice the standard deviation.
+    one.half_difference_sigmas = one.sd > 0.0 ? half_step[k] / (2.0 * one.sd) : 0.0;
+    result.parameters.push_back(one);
+  }
+
+  const ParameterEstimate* w = result.find(kW);
+  const double inflation = w != nullptr && w->determined && w->model_sd > 0.0
+                               ? std::max(1.0, std::pow(w->sd / w->model_sd, 2))
+                               : excess * excess;
+  if (params.profile && w != nullptr && w->determined && w->sd < 0.3 * fit.state.w) {
+    const Index column = std::find(fit.free.begin(), fit.free.end(), static_cast<int>(kW)) - fit.free.begin();
+    result.profile = profile_of(model, fit, fit_params, triangle, space, ranges, column, w->sd, inflation, progress);
+  }
+  if (fit_params.light) {
+    if (const std::optional<Vector3d> axis = normals_axis(model.elements())) {
+      FitState twin = fit.state;
+      twin.light_direction -= 2.0 * twin.light_direction.dot(*axis) * *axis;
+      if ((twin.light_direction - fit.state.light_direction).norm() > 1e-3) {
+        result.twin_rise = rise_at(model, fit, fit_params, twin, inflation, progress);
+        if (result.twin_rise < 9.0) result.twin_light = twin.light_direction;
+      }
+    }
+  }
+  return result;
+}
+
+}  // namespace interglow::fitting
