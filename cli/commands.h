@@ -19,6 +19,7 @@ void add_register_command(CLI::App& app, Session& session, std::function<int()>&
 void add_decompose_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_w_ratio_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_simulate_capture_command(CLI::App& app, Session& session, std::function<int()>& action);
+void add_fit_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_simulate_scan_command(CLI::App& app, Session& session, std::function<int()>& action);
 void add_form_factors_command(CLI::App& app, Session& session, std::function<int()>& action);
 

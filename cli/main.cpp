@@ -22,6 +22,7 @@ int main(int argc, char** argv) {
   add_decompose_command(app, session, action);
   add_w_ratio_command(app, session, action);
   add_simulate_capture_command(app, session, action);
+  add_fit_command(app, session, action);
   add_simulate_scan_command(app, session, action);
   add_form_factors_command(app, session, action);
   try {
