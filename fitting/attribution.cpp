@@ -87,14 +87,16 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
     change.channels = std::move(channels);
     changes.push_back(std::move(change));
   };
+  // Causes that act on indirect light are taken at w = 1: they stand in for w, and do not multiply it.
+  const double of_w = 1.0 / std::max(state.w, 1e-3);
   if (forward.bounces) {
     model.set_bounces(std::nullopt);
     add("missing bounces", fmt::format("the model stops at {}, the capture goes on", *forward.bounces),
-        model.evaluate(state, {}, progress).channels - here.channels);
+        of_w * (model.evaluate(state, {}, progress).channels - here.channels));
   } else {
     model.set_bounces(2);
     add("missing bounces", "the capture's light ends after 2 indirect bounces, the model's goes on",
-        model.evaluate(state, {}, progress).channels - here.channels);
+        of_w * (model.evaluate(state, {}, progress).channels - here.channels));
   }
   model.set_bounces(forward.bounces);
   if (model.scene().objects.size() > 1) {
@@ -105,7 +107,7 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
     const Evaluation moved_apart = gap.evaluate(there, {}, progress);
     if (moved_apart.channels.cols() == here.channels.cols()) {
       add("contact gap", fmt::format("{:.2f} mm (2 % of the first object)", gap_mm),
-          (moved_apart.channels - moved_apart.direct) - (here.channels - here.direct));
+          of_w * ((moved_apart.channels - moved_apart.direct) - (here.channels - here.direct)));
     }
   }
   add("light tilt", "1 degree across", kDegree * here.derivative[kLightU]);
