@@ -115,9 +115,7 @@ void patches_to_pixels(benchmark::State& state) {
   for (auto _ : state) {
     const auto start = Clock::now();
     const radiosity::Elements elements = radiosity::make_elements(scene);
-    // The facing sides of convex bodies see each other whole.
-    const radiosity::Transport transport =
-        radiosity::Transport::build(elements, {.tolerance = 0.1 * tolerance, .occlusion = false});
+    const radiosity::Transport transport = radiosity::Transport::build(elements, {.tolerance = 0.1 * tolerance});
     transport_seconds = seconds_since(start);
     const radiosity::RowMatrix direct =
         radiosity::total(radiosity::direct_light(scene, elements, transport), elements.size(), scene.grid.size());

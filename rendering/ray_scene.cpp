@@ -75,7 +75,7 @@ RayScene::RayScene(const radiosity::Faces& faces) : impl_(std::make_unique<Impl>
     impl.radius = std::max(0.5 * (high - low).norm(), std::numeric_limits<double>::min());
     impl.scale = std::exp2(-std::ceil(std::log2(impl.radius)));
   }
-  impl.device = rtcNewDevice("threads=1");
+  impl.device = rtcNewDevice(nullptr);  // a number of threads would hold for all of oneTBB
   if (!impl.device)
     throw NumericalFailure(
         fmt::format("Embree did not start (error {}).", static_cast<int>(rtcGetDeviceError(nullptr))));
