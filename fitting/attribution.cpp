@@ -22,6 +22,9 @@ constexpr double kDegree = std::numbers::pi / 180.0;
 /// Sine of the angle to the other parameters below which they imitate a cause.
 constexpr double kAbsorbed = 1e-3;
 
+/// A cause that ten times its size would leave within the noise counts as imitated as well.
+constexpr double kUnseen = 0.1;
+
 struct Change {
   Cause cause;
   RowMatrix channels;  ///< change of the picture at this size
@@ -167,7 +170,8 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
     const double cosine = std::abs(rest_of_change.dot(own)) / std::max(rest_of_change.norm() * own.norm(), 1e-300);
     cause.angle_deg = std::acos(std::min(1.0, cosine)) / kDegree;
     const VectorXd left = without(change);
-    cause.absorbed = left.norm() < kAbsorbed * change.norm() || !(change.norm() > 0.0);
+    // Gains and offsets are gone from the rows: of what they imitate wholly only rounding is left.
+    cause.absorbed = left.norm() < kAbsorbed * change.norm() || left.norm() < kUnseen * inflation;
     if (!cause.absorbed) {
       cause.amplitude = left.dot(residual) / left.squaredNorm();
       cause.amplitude_sd = inflation / left.norm();

@@ -68,6 +68,18 @@ TEST(Attribution, FindsTheBouncesThatTheModelLeavesOut) {
   EXPECT_NEAR(bounces.w_with, 1.0, 0.2 * (result.fit.state.w - 1.0)) << result.attribution.sentence;
 }
 
+// A veil is a share of every band's picture and its mean: free gains and offsets imitate it wholly.
+TEST(Attribution, FreeGainsAndOffsetsAbsorbAVeil) {
+  const ForwardParams forward{};
+  ForwardModel model(cylinders(), forward);
+  const FitParams params{.focal = false, .blur = false, .gain = true, .offset = true, .staged = false};
+  const SceneFit fit = fit_scene(model, capture_of(model, truth_of(model)), truth_of(model), params);
+  const Attribution attribution =
+      attribute_w(model, forward, fit, params, examine(model, fit, params, {.profile = false}));
+  EXPECT_TRUE(cause(attribution, "veil").absorbed) << cause(attribution, "veil").amplitude;
+  EXPECT_FALSE(cause(attribution, "missing bounces").absorbed);
+}
+
 // The model's own picture needs no cause.
 TEST(Attribution, BlamesNothingWhereWIsOne) {
   const ForwardParams forward{};
