@@ -231,21 +231,30 @@ Affine affine_of(const Unknowns& u, const Frame& frame) {
   return map;
 }
 
+/// Sums over the pixels that count: of both pictures' values, given the map, and their products.
+struct Moments {
+  double n = 0, sf = 0, sm = 0, sff = 0, smm = 0, sfm = 0;
+
+  Moments(const Alignment& alignment, const image::ScalarMap& fixed, const Unknowns& u) {
+    double residual = 0.0;
+    Unknowns d;
+    for (std::size_t i = 0; i < alignment.size(); ++i) {
+      if (!alignment.linearize(u, i, residual, d)) continue;
+      const double m = -d[6];
+      const auto f = static_cast<double>(fixed.value[static_cast<std::size_t>(alignment.pixels()[i])]);
+      n += 1;
+      sf += f;
+      sm += m;
+      sff += f * f;
+      smm += m * m;
+      sfm += f * m;
+    }
+  }
+};
+
 /// Gain and offset by least squares over the pixels that count, given the map.
 void solve_intensities(const Alignment& alignment, const image::ScalarMap& fixed, Unknowns& u) {
-  double n = 0, sf = 0, sm = 0, smm = 0, sfm = 0;
-  double residual = 0.0;
-  Unknowns d;
-  for (std::size_t i = 0; i < alignment.size(); ++i) {
-    if (!alignment.linearize(u, i, residual, d)) continue;
-    const double m = -d[6];
-    const auto f = static_cast<double>(fixed.value[static_cast<std::size_t>(alignment.pixels()[i])]);
-    n += 1;
-    sf += f;
-    sm += m;
-    smm += m * m;
-    sfm += f * m;
-  }
+  const auto [n, sf, sm, sff, smm, sfm] = Moments(alignment, fixed, u);
   const double variance = n * smm - sm * sm;
   if (!(variance > 0.0)) return;
   u[6] = (n * sfm - sf * sm) / variance;
@@ -381,20 +390,7 @@ Normal sandwich(const Alignment& alignment, const Unknowns& u, int width, int he
 }
 
 double correlation(const Alignment& alignment, const Unknowns& u, const image::ScalarMap& fixed) {
-  double n = 0, sf = 0, sm = 0, sff = 0, smm = 0, sfm = 0;
-  double residual = 0.0;
-  Unknowns d;
-  for (std::size_t i = 0; i < alignment.size(); ++i) {
-    if (!alignment.linearize(u, i, residual, d)) continue;
-    const double m = -d[6];
-    const auto f = static_cast<double>(fixed.value[static_cast<std::size_t>(alignment.pixels()[i])]);
-    n += 1;
-    sf += f;
-    sm += m;
-    sff += f * f;
-    smm += m * m;
-    sfm += f * m;
-  }
+  const auto [n, sf, sm, sff, smm, sfm] = Moments(alignment, fixed, u);
   const double variances = (sff - sf * sf / n) * (smm - sm * sm / n);
   return variances > 0.0 ? (sfm - sf * sm / n) / std::sqrt(variances) : 0.0;
 }

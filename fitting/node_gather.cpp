@@ -8,7 +8,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
-#include <numbers>
+
+#include "rendering/seen_outline.h"
 
 namespace interglow::fitting {
 namespace {
@@ -24,42 +25,8 @@ constexpr double kInPlane = 1e-9;
 constexpr double kOneRay = 1e-4;
 constexpr double kFourRays = 2e-3;
 
-/// Corners of an element from its front, cut at the horizon of a point.
-struct Piece {
-  std::array<Vector3d, 6> corner;
-  int corners = 0;
-};
-
-Piece clipped(const Piece& whole, const Vector3d& position, const Vector3d& normal) {
-  Piece kept;
-  for (int k = 0; k < whole.corners; ++k) {
-    const Vector3d& a = whole.corner[static_cast<std::size_t>(k)];
-    const Vector3d& b = whole.corner[static_cast<std::size_t>((k + 1) % whole.corners)];
-    const double ha = normal.dot(a - position);
-    const double hb = normal.dot(b - position);
-    if (ha >= 0.0 && kept.corners < 6) kept.corner[static_cast<std::size_t>(kept.corners++)] = a;
-    if ((ha < 0.0) != (hb < 0.0) && kept.corners < 6)
-      kept.corner[static_cast<std::size_t>(kept.corners++)] = a + ha / (ha - hb) * (b - a);
-  }
-  return kept;
-}
-
-/// Lambert's contour formula. @pre above the horizon
-double form_factor(const Piece& piece, const Vector3d& position, const Vector3d& normal) {
-  double sum = 0.0;
-  Vector3d a = piece.corner[static_cast<std::size_t>(piece.corners - 1)] - position;
-  for (int k = 0; k < piece.corners; ++k) {
-    const Vector3d b = piece.corner[static_cast<std::size_t>(k)] - position;
-    const Vector3d cross = a.cross(b);
-    const double sine = cross.norm();
-    if (sine > 0.0) sum -= normal.dot(cross) / sine * std::atan2(sine, a.dot(b));
-    a = b;
-  }
-  return std::max(0.0, sum * (0.5 / std::numbers::pi));
-}
-
 /// Appends the middles of `splits`² (or, for triangles, as many) equal parts of a piece.
-void sample_points(const Piece& piece, int per_side, std::vector<Vector3d>& points) {
+void sample_points(const rendering::SeenOutline& piece, int per_side, std::vector<Vector3d>& points) {
   for (int first = 1; first + 1 < piece.corners; ++first) {
     const Vector3d& a = piece.corner[0];
     const Vector3d ab = piece.corner[static_cast<std::size_t>(first)] - a;
@@ -98,7 +65,7 @@ NodeGather::Row NodeGather::row_at(const rendering::SurfacePoint& point, bool& t
     const auto i = static_cast<std::size_t>(e);
     if (elements_.face[i] == point.face) continue;
     const mesh::Face& corners = elements_.faces.corners[static_cast<std::size_t>(elements_.face[i])];
-    Piece piece;
+    rendering::SeenOutline piece;
     piece.corners = mesh::corner_count(corners);
     const Vector3d centre = elements_.centroid.row(e);
     double radius = 0.0;
@@ -127,12 +94,11 @@ NodeGather::Row NodeGather::row_at(const rendering::SurfacePoint& point, bool& t
     }
     if (!(in_front > kInPlane * radius) || elements_.material[i] < 0) continue;
     if (point.normal.dot(to) <= -radius) continue;
-    const Piece above = point.normal.dot(to) >= radius ? piece : clipped(piece, point.position, point.normal);
-    if (above.corners < 3) continue;
-    const double factor = form_factor(above, point.position, point.normal);
+    if (point.normal.dot(to) < radius && !rendering::clip_at_horizon(point.position, point.normal, piece)) continue;
+    const double factor = rendering::contour_form_factor(point.position, point.normal, piece);
     if (!(factor > 0.0)) continue;
     samples.clear();
-    sample_points(above, factor < kOneRay ? 1 : factor < kFourRays ? 2 : 4, samples);
+    sample_points(piece, factor < kOneRay ? 1 : factor < kFourRays ? 2 : 4, samples);
     seen.push_back({static_cast<int>(e), factor, segments.size(), samples.size()});
     for (const Vector3d& sample : samples) segments.push_back({point.position, sample, false, point.face});
   }

@@ -10,6 +10,8 @@
 #include <numeric>
 #include <vector>
 
+#include "rendering/seen_outline.h"
+
 namespace interglow::rendering {
 namespace {
 
@@ -32,11 +34,8 @@ constexpr double kInPlane = 1e-9;
 constexpr int kMaxSplits = 12;
 constexpr int kMaxSampleLevels = 4;
 
-/// A convex piece of an element; clipping at the horizon adds a corner.
-struct Piece {
-  Piece() { corner.fill(Vector3d::Zero()); }
-  std::array<Vector3d, 6> corner;
-  int corners = 0;
+/// A convex piece of an element.
+struct Piece : SeenOutline {
   int element = -1;  ///< in tree order
   int splits = 0;
 };
@@ -58,49 +57,6 @@ Vector3d centroid(const Piece& piece) {
   Vector3d sum = Vector3d::Zero();
   for (int k = 0; k < piece.corners; ++k) sum += piece.corner[static_cast<std::size_t>(k)];
   return sum / piece.corners;
-}
-
-/// Keeps what lies above the horizon of the point; false if nothing does.
-bool clip_at_horizon(const Vector3d& position, const Vector3d& normal, Piece& piece) {
-  std::array<double, 6> height;
-  bool below = false;
-  bool above = false;
-  for (int k = 0; k < piece.corners; ++k) {
-    const auto i = static_cast<std::size_t>(k);
-    height[i] = normal.dot(piece.corner[i] - position);
-    below = below || height[i] < 0.0;
-    above = above || height[i] > 0.0;
-  }
-  if (!below) return above;
-  if (!above) return false;
-  Piece kept;
-  kept.element = piece.element;
-  kept.splits = piece.splits;
-  for (int k = 0; k < piece.corners; ++k) {
-    const auto i = static_cast<std::size_t>(k);
-    const auto j = static_cast<std::size_t>((k + 1) % piece.corners);
-    if (height[i] >= 0.0 && kept.corners < 6) kept.corner[static_cast<std::size_t>(kept.corners++)] = piece.corner[i];
-    if ((height[i] < 0.0) != (height[j] < 0.0) && kept.corners < 6) {
-      const double t = height[i] / (height[i] - height[j]);
-      kept.corner[static_cast<std::size_t>(kept.corners++)] = piece.corner[i] + t * (piece.corner[j] - piece.corner[i]);
-    }
-  }
-  piece = kept;
-  return piece.corners >= 3;
-}
-
-/// Lambert: (1 / 2π) Σ over edges of angle times the normal's share of the edge's plane. @pre clipped at the horizon.
-double contour_form_factor(const Vector3d& position, const Vector3d& normal, const Piece& piece) {
-  double sum = 0.0;
-  Vector3d a = piece.corner[static_cast<std::size_t>(piece.corners - 1)] - position;
-  for (int k = 0; k < piece.corners; ++k) {
-    const Vector3d b = piece.corner[static_cast<std::size_t>(k)] - position;
-    const Vector3d cross = a.cross(b);
-    const double sine = cross.norm();
-    if (sine > 0.0) sum -= normal.dot(cross) / sine * std::atan2(sine, a.dot(b));
-    a = b;
-  }
-  return std::max(0.0, sum * (0.5 / std::numbers::pi));
 }
 
 }  // namespace
