@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -13,6 +12,7 @@
 #include "fitting/capture_file.h"
 #include "image/spectral_exr.h"
 #include "tests/cli/program.h"
+#include "tests/cli/two_sheets.h"
 
 namespace interglow::cli {
 namespace {
@@ -20,51 +20,12 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-// Two sheets at a right angle, red and yellow, in three bands.
-constexpr const char* kScene = R"([wavelengths]
-first_nm = 450
-last_nm = 650
-step_nm = 100
-[material.red]
-reflectance = "red.csv"
-[material.yellow]
-reflectance = "yellow.csv"
-[object.floor]
-mesh = "floor.obj"
-material = "red"
-remesh = "none"
-[object.wall]
-mesh = "wall.obj"
-material = "yellow"
-remesh = "none"
-[light.sun]
-kind = "directional"
-direction = [-1, 0.2, -1]
-spectrum = 1.0
-[camera]
-position_mm = [200, 20, 200]
-target_mm = [10, 20, 10]
-up = [0, 0, 1]
-horizontal_fov_deg = 12
-width_px = 24
-height_px = 20
-)";
-
-class SimulateCapture : public testing::Test {
+class SimulateCapture : public TwoSheets {
  protected:
   void SetUp() override {
-    folder_ = fs::temp_directory_path() /
-              (std::string("interglow_simulate_") + testing::UnitTest::GetInstance()->current_test_info()->name() +
-               "_" + std::to_string(::getpid()));
-    fs::create_directories(folder_);
-    std::ofstream(folder_ / "floor.obj") << "v 0 0 0\nv 40 0 0\nv 40 40 0\nv 0 40 0\nf 1 2 3 4\n";
-    std::ofstream(folder_ / "wall.obj") << "v 0 0 0\nv 0 40 0\nv 0 40 40\nv 0 0 40\nf 1 2 3 4\n";
-    std::ofstream(folder_ / "red.csv") << "wavelength,r\n400,0.1\n550,0.2\n700,0.8\n";
-    std::ofstream(folder_ / "yellow.csv") << "wavelength,r\n400,0.1\n550,0.7\n700,0.7\n";
-    std::ofstream(folder_ / "scene.toml") << kScene;
+    TwoSheets::SetUp();
+    write("scene.toml", scene(100, 24, 20));
   }
-  void TearDown() override { fs::remove_all(folder_); }
-  fs::path file(const std::string& name) const { return folder_ / name; }
   ProgramRun simulate(const std::string& out, const std::string& options) const {
     return run_program("simulate-capture " + file("scene.toml").string() + " --out " + file(out).string() + " " +
                        options + " 2>&1");
@@ -73,9 +34,6 @@ class SimulateCapture : public testing::Test {
     std::ifstream in(file(out) / "truth.json");
     return nlohmann::json::parse(in);
   }
-
- private:
-  fs::path folder_;
 };
 
 // 480 pixels of three bands: χ² of 1440 values about the ideal radiance times counts per radiance. False-alarm rate

@@ -1,85 +1,38 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <string>
 
 #include "image/spectral_exr.h"
 #include "tests/cli/program.h"
+#include "tests/cli/two_sheets.h"
 
 namespace interglow::cli {
 namespace {
 
-namespace fs = std::filesystem;
 using testing::AllOf;
 using testing::HasSubstr;
 
-// Two flat sheets at a right angle, red and yellow. Neither sees itself, so with one bounce the light between them has
-// the spectrum S_i S_j E exactly, which is what the two shading terms assume.
-constexpr const char* kScene = R"([wavelengths]
-first_nm = 450
-last_nm = 650
-step_nm = 50
-[material.red]
-reflectance = "red.csv"
-[material.yellow]
-reflectance = "yellow.csv"
-[object.floor]
-mesh = "floor.obj"
-material = "red"
-remesh = "none"
-subdivide_mm = 8
-[object.wall]
-mesh = "wall.obj"
-material = "yellow"
-remesh = "none"
-subdivide_mm = 8
-[light.sun]
-kind = "directional"
-direction = [-1, 0.2, -1]
-spectrum = 1.0
-[camera]
-position_mm = [200, 20, 200]
-target_mm = [10, 20, 10]
-up = [0, 0, 1]
-horizontal_fov_deg = 12
-width_px = 48
-height_px = 40
-[output]
-contact_region_mm = 12
-)";
-
-class WRatioCommand : public testing::Test {
+class WRatioCommand : public TwoSheets {
  protected:
   void SetUp() override {
-    folder_ = fs::temp_directory_path() /
-              (std::string("interglow_w_ratio_") + testing::UnitTest::GetInstance()->current_test_info()->name() + "_" +
-               std::to_string(::getpid()));
-    fs::create_directories(folder_);
-    std::ofstream(folder_ / "floor.obj") << "v 0 0 0\nv 40 0 0\nv 40 40 0\nv 0 40 0\nf 1 2 3 4\n";
-    std::ofstream(folder_ / "wall.obj") << "v 0 0 0\nv 0 40 0\nv 0 40 40\nv 0 0 40\nf 1 2 3 4\n";
-    std::ofstream(folder_ / "red.csv") << "wavelength,r\n400,0.1\n550,0.2\n700,0.8\n";
-    std::ofstream(folder_ / "yellow.csv") << "wavelength,r\n400,0.1\n550,0.7\n700,0.7\n";
-    std::ofstream(folder_ / "one.toml") << kScene << "[solve]\nbounces = 1\n";
-    std::ofstream(folder_ / "all.toml") << kScene;
+    TwoSheets::SetUp();
+    const std::string sheets = scene(50, 48, 40, "subdivide_mm = 8") + "[output]\ncontact_region_mm = 12\n";
+    write("one.toml", sheets + "[solve]\nbounces = 1\n");
+    write("all.toml", sheets);
   }
-  void TearDown() override { fs::remove_all(folder_); }
-  std::string file(const std::string& name) const { return (folder_ / name).string(); }
+  std::string file(const std::string& name) const { return TwoSheets::file(name).string(); }
   ProgramRun ratio(const std::string& scene, const std::string& capture, const std::string& options = "") const {
     return run_program("w-ratio " + file(scene) + " --capture " + file(capture) + " --out " + file("out") + " " +
                        options + " 2>&1");
   }
   nlohmann::json figures() const {
-    std::ifstream in(folder_ / "out" / "w_ratio.json");
+    std::ifstream in(TwoSheets::file("out") / "w_ratio.json");
     return nlohmann::json::parse(in);
   }
-
- private:
-  fs::path folder_;
 };
 
 TEST_F(WRatioCommand, FindsTheFactorOfOneBounceExactly) {
