@@ -187,4 +187,30 @@ Difference compare(const image::SpectralImage& picture, const image::SpectralIma
   return difference;
 }
 
+OwnDifference own_difference(const image::SpectralImage& picture, const image::SpectralImage& reference,
+                             const image::SpectralImage& standard_error, const std::vector<char>& keep) {
+  double mean = 0.0;
+  double sum = 0.0;
+  double squares = 0.0;
+  double count = 0.0;
+  for (int row = 0; row < picture.height; ++row) {
+    for (int column = 0; column < picture.width; ++column) {
+      const double theirs = reference.pixel(row, column)[0];
+      if (!keep[static_cast<std::size_t>(row * picture.width + column)] || theirs == 0.0) continue;
+      const double difference = picture.pixel(row, column)[0] - theirs;
+      const double noise = standard_error.pixel(row, column)[0];
+      const double excess = difference * difference - noise * noise;
+      mean += theirs;
+      sum += excess;
+      squares += excess * excess;
+      count += 1.0;
+    }
+  }
+  mean /= count;
+  const double excess = sum / count;
+  const double deviation = std::sqrt((squares / count - excess * excess) / count);
+  return {.rms = std::sqrt(std::max(0.0, excess)) / mean,
+          .bound = std::sqrt(std::max(0.0, excess + 2.33 * deviation)) / mean};
+}
+
 }  // namespace interglow::test

@@ -38,4 +38,14 @@ struct Difference {
 Difference compare(const image::SpectralImage& picture, const image::SpectralImage& reference,
                    const std::vector<char>& keep, int block = 1);
 
+/// What of the difference the noise of the reference does not explain, pixel by pixel: with d = ours - theirs and the
+/// standard errors s of the reference (unbiased s², noise independent from pixel to pixel), d² - s² has the square of
+/// our own deviation as its expectation. Both values are relative to the mean of the reference.
+struct OwnDifference {
+  double rms = 0.0;    ///< sqrt(max(0, mean(d² - s²)))
+  double bound = 0.0;  ///< sqrt(mean + 2.33 standard errors of that mean): exceeds the true value with 99 %
+};
+OwnDifference own_difference(const image::SpectralImage& picture, const image::SpectralImage& reference,
+                             const image::SpectralImage& standard_error, const std::vector<char>& keep);
+
 }  // namespace interglow::test
