@@ -9,6 +9,8 @@
 #include <limits>
 #include <numbers>
 
+#include "fitting/photometric_residuals.h"
+
 namespace interglow::fitting {
 namespace {
 

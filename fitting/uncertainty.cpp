@@ -9,6 +9,8 @@
 #include <limits>
 #include <numeric>
 
+#include "fitting/photometric_residuals.h"
+
 namespace interglow::fitting {
 namespace {
 
@@ -82,24 +84,11 @@ std::string sentence_of(const ForwardModel& model, const SceneFit& fit, const Ve
   return text;
 }
 
-double value_of(const FitState& state, int parameter) {
-  if (parameter == kFocal) return std::log(state.camera.focal_px);
-  if (parameter == kPrincipalX || parameter == kPrincipalY) return state.camera.principal_px[parameter - kPrincipalX];
-  if (parameter == kDistortion) return state.camera.distortion;
-  if (parameter == kBlur) return state.blur_px;
-  if (parameter == kW) return state.w;
-  if (parameter >= kFirstScale) return state.scale[parameter - kFirstScale];
-  if (parameter >= kShiftX && parameter <= kShiftZ) return state.camera.pivot_in_camera[parameter - kShiftX];
-  return 0.0;
-}
-
 /// Rise of χ² at a state over the optimum, gains and offsets refitted.
 double rise_at(const ForwardModel& model, const SceneFit& fit, const FitParams& params, FitState state,
                double inflation, const Progress& progress) {
   const Evaluation there = model.evaluate(state, {}, progress);
-  fit_bands(model, fit.data, there, params, state);
-  return (robust_cost(model, fit.data, state, there, params) - fit.cost) * static_cast<double>(fit.residuals) /
-         inflation;
+  return (fit_bands(model, fit.data, there, params, state) - fit.cost * static_cast<double>(fit.residuals)) / inflation;
 }
 
 WProfile profile_of(const ForwardModel& model, const SceneFit& fit, const FitParams& params, const MatrixXd& triangle,
@@ -148,21 +137,6 @@ const ParameterEstimate* Uncertainty::find(int parameter) const {
     if (one.parameter == parameter) return &one;
   }
   return nullptr;
-}
-
-VectorXd plausible_ranges(const FitState& state, const std::vector<int>& free) {
-  VectorXd ranges(static_cast<Index>(free.size()));
-  for (std::size_t k = 0; k < free.size(); ++k) {
-    const int parameter = free[k];
-    double range = 0.1;  // distortion, reflectance scales, logarithm of the focal length
-    if (parameter <= kTurnZ) range = 0.2;
-    if (parameter >= kShiftX && parameter <= kShiftZ) range = 0.1 * state.camera.pivot_in_camera.z();
-    if (parameter == kPrincipalX || parameter == kPrincipalY) range = 0.05 * state.camera.width;
-    if (parameter == kBlur) range = 1.0;
-    if (parameter == kW) range = 0.5;
-    ranges[static_cast<Index>(k)] = range;
-  }
-  return ranges;
 }
 
 Subspace split_directions(const MatrixXd& triangle, const VectorXd& ranges, double least_strength) {

@@ -64,9 +64,6 @@ struct Uncertainty {
 Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitParams& fit_params,
                     const UncertaintyParams& params = {}, const Progress& progress = {});
 
-/// Plausible ranges of the free parameters, in their units.
-Eigen::VectorXd plausible_ranges(const FitState& state, const std::vector<int>& free);
-
 /// Directions of the range-scaled space that triangle (and priors) determine to `weak_share`, as columns; their
 /// singular values in `strength`.
 struct Subspace {

@@ -2,6 +2,7 @@
 #include "fitting/scene_fit.h"
 
 #include <gtest/gtest.h>
+#include <tbb/task_arena.h>
 
 #include <Eigen/Dense>
 #include <cmath>
@@ -93,6 +94,28 @@ TEST(SceneFit, FindsTheStateThatAPictureWasMadeWith) {
   EXPECT_LT(reprojection_rms_px(fit.state.camera, truth.camera, model.scene().objects[0].patches.points), 1e-2);
   EXPECT_LT(angle_deg(fit.state.light_direction, truth.light_direction), 0.05);
   EXPECT_NEAR(fit.state.w, 1.2, 1e-3);
+}
+
+TEST(SceneFit, HasTheSameBitsOnOneAndOnTwoThreads) {
+  const scene::Scene scene =
+      test::half_cylinders({.around = 4, .along = 2, .bands = 2, .side_px = 12, .fluorescent = false});
+  const Capture capture = test::simulated_capture(scene, {});
+  const auto fitted = [&](int threads) {
+    SceneFit fit;
+    tbb::task_arena(threads).execute([&] {
+      const ForwardModel model(scene, {});
+      fit = fit_scene(model, capture, away(model.initial_state(), 0.5, 0.005, 1.0), {.most_iterations = 3});
+    });
+    return fit;
+  };
+  const SceneFit one = fitted(1);
+  const SceneFit two = fitted(2);
+  EXPECT_EQ(one.cost, two.cost);
+  EXPECT_EQ(one.state.w, two.state.w);
+  EXPECT_EQ(one.state.light_direction, two.state.light_direction);
+  EXPECT_EQ(one.state.camera.rotation, two.state.camera.rotation);
+  EXPECT_EQ(one.state.gain, two.state.gain);
+  EXPECT_EQ(one.score_scatter, two.score_scatter);
 }
 
 TEST(SceneFit, CapturesOfAnotherSizeOrOtherBandsAreRefused) {
