@@ -122,6 +122,7 @@ int fit(const Options& options, const Session& session) {
   const auto [state, sentence] = fit_verdict(found, uncertainty, attribution);
   fmt::print("{}: {}\n", state, sentence);
   for (const fitting::WeakDirection& weak : uncertainty.weak) fmt::print("not determined: {}\n", weak.sentence);
+  for (const std::string& note : uncertainty.notes) fmt::print("note: {}\n", note);
   fmt::print("{}\n", (options.out / "report.html").string());
   return found.converged ? kSuccess : kFailure;
 }

@@ -56,7 +56,7 @@ Json estimates_section(const fitting::Uncertainty& uncertainty) {
       {"type", "table"},
       {"title", "Estimates"},
       {"text",
-       "Standard deviations in sandwich form: from the scatter of tiles of 16 × 16 pixels, so that they hold for "
+       "Standard deviations in sandwich form: from the scatter of small squares of the picture, so that they hold for "
        "residuals that are correlated or larger than the noise. Beside them what noise alone would give, and the "
        "difference of the fits to the two halves of a chequered picture, in its own standard deviation. They do not "
        "hold for what the model lacks: see the causes below."},
@@ -73,6 +73,7 @@ Json weak_section(const fitting::Uncertainty& uncertainty) {
                                                                weak.sentence, weak.sd_share)
                                                  : weak.sentence + " (the capture says nothing at all).");
   }
+  for (const std::string& note : uncertainty.notes) items.push_back(note);
   if (uncertainty.twin_light) {
     items.push_back(fmt::format("The mirrored light {} fits as well (χ² rises by {:.2g}): both are listed.",
                                 vector_text(*uncertainty.twin_light), uncertainty.twin_rise));

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <numbers>
 
 #include "diagnostics/error.h"
 
@@ -87,7 +88,7 @@ VectorXd plausible_ranges(const FitState& state, const std::vector<int>& free) {
   for (std::size_t k = 0; k < free.size(); ++k) {
     const int parameter = free[k];
     double range = 0.1;  // distortion, reflectance scales, logarithm of the focal length
-    if (parameter <= kTurnZ) range = 0.2;
+    if (parameter <= kTurnZ) range = std::numbers::pi / 18.0;
     if (parameter >= kShiftX && parameter <= kShiftZ) range = 0.1 * state.camera.pivot_in_camera.z();
     if (parameter == kPrincipalX || parameter == kPrincipalY) range = 0.05 * state.camera.width;
     if (parameter == kBlur) range = 1.0;

@@ -54,7 +54,7 @@ std::vector<Prior> priors(const LensCamera& like, const std::vector<int>& free, 
 /// logarithm.
 double value_of(const FitState& state, int parameter);
 
-/// By how much a start may be off, in the parameters' units: light and turns 0.2 rad, shifts 10 % of the distance,
+/// By how much a start may be off, in the parameters' units: light and turns 10 degrees, shifts 10 % of the distance,
 /// focal length 10 %, principal point 5 % of the width, blur 1 px, w 0.5, distortion and scales 0.1.
 Eigen::VectorXd plausible_ranges(const FitState& state, const std::vector<int>& free);
 

@@ -26,8 +26,7 @@ constexpr double kWidestBlur = 20.0;      ///< [px]
 constexpr double kLeastFactor = 1e-3;     ///< of w and scales
 constexpr double kLargestScale = 10.0;    ///< of a reflectance
 constexpr double kLargestZoom = 0.7;      ///< change of the focal length's logarithm
-constexpr double kNoisyStep = 1e-4;       ///< fall of ½ Σ ρ, predicted for a step that failed, that ends the search
-constexpr double kFirstRadius = 1e3;      ///< of the trust region: damping 1e-3
+constexpr double kNoisyStep = 0.03;       ///< fall of ½ Σ ρ, predicted for a step that failed, that ends the search
 constexpr double kSmallestRadius = 1e-8;  ///< some 9 failures in a row
 constexpr int kMostInvalid = 12;          ///< steps in a row to states that cannot be
 
@@ -302,7 +301,7 @@ FitStage minimize(FitState& state, const std::vector<int>& free, const Linearise
   options.function_tolerance = params.tolerance;
   options.gradient_tolerance = 0.0;
   options.parameter_tolerance = 1e-14;
-  options.initial_trust_region_radius = kFirstRadius;
+  options.initial_trust_region_radius = params.first_radius;
   options.min_trust_region_radius = kSmallestRadius;
   options.max_num_consecutive_invalid_steps = kMostInvalid;
   // Steps are projected onto the bounds; a search along them would cost pictures.

@@ -42,6 +42,9 @@ struct MinimizerParams {
   int most_iterations = 1;  ///< steps tried; at least 1
   /// Relative fall of the cost that ends the search.
   double tolerance = 1e-9;
+  /// Of the trust region: 1 / damping, relative to the columns' squares. Small ones creep along directions that are
+  /// nearly alike (distance and focal length), large ones overshoot from afar.
+  double first_radius = 1e3;
   double residuals = 1.0;  ///< number, for the stage's costs
   std::vector<Prior> priors{};
   /// Where light, pose, focal length and w are believed to be, each to one plausible range (plausible_ranges). Where

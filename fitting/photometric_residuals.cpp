@@ -16,8 +16,10 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using radiosity::RowMatrix;
 
-/// Side of the square tiles that are compressed at once, and whose scores make the sandwich [px].
+/// Side of the square tiles that are compressed at once [px].
 constexpr int kTile = 16;
+/// Squares whose scores make the sandwich: at least this many across the picture, unless they were below 2 px.
+constexpr int kSquaresAcross = 12;
 /// Pixels whose sums are taken together; the blocks' sums are added in their order.
 constexpr Index kBlock = 256;
 constexpr int kMostRounds = 50;
@@ -103,23 +105,42 @@ std::vector<Index> pixels_of(const FitData& data, int row0, int column0) {
   return pixels;
 }
 
-/// Scores of one band's tiles.
-struct Scores {
-  std::vector<Index> tile;
-  std::vector<VectorXd> value;  ///< own, shared
+/// Squares of the picture, of 2, 4, 8 or 16 px: whole numbers of them make a tile.
+struct Squares {
+  int side = kTile;
+  int across = 0;
+  int down = 0;
+
+  Squares(int width, int height) {
+    while (side > 2 && std::max(width, height) < kSquaresAcross * side) side /= 2;
+    across = (width + side - 1) / side;
+    down = (height + side - 1) / side;
+  }
+  Index of(Index pixel, int width) const { return pixel / width / side * across + pixel % width / side; }
 };
 
-/// Σ score scoreᵀ over the tiles after the bands' own parameters are eliminated: s_shared + responseᵀ s_own.
-MatrixXd scatter(const std::vector<Scores>& scores, const CompressedBands& all, Index tiles) {
-  MatrixXd score = MatrixXd::Zero(all.shared, tiles);
-  for (std::size_t band = 0; band < scores.size(); ++band) {
-    const MatrixXd response = all.own_response(band);
-    for (std::size_t k = 0; k < scores[band].tile.size(); ++k) {
-      const VectorXd& value = scores[band].value[k];
-      score.col(scores[band].tile[k]) += value.tail(all.shared) + response.transpose() * value.head(all.own);
+/// Covariance of the sum of the squares' scores, s_shared + responseᵀ s_own, by sums over windows of 2 × 2 squares, of
+/// which every square is in four. @param scores  per band, (own + shared) x squares
+MatrixXd scatter(const std::vector<MatrixXd>& scores, const CompressedBands& all, const Squares& squares,
+                 double& freedom) {
+  MatrixXd score = MatrixXd::Zero(all.shared, static_cast<Index>(squares.across) * squares.down);
+  for (std::size_t band = 0; band < scores.size(); ++band)
+    score += scores[band].bottomRows(all.shared) + all.own_response(band).transpose() * scores[band].topRows(all.own);
+  MatrixXd sum = MatrixXd::Zero(all.shared, all.shared);
+  for (int row = -1; row < squares.down; ++row) {
+    for (int column = -1; column < squares.across; ++column) {
+      VectorXd window = VectorXd::Zero(all.shared);
+      for (int r = std::max(row, 0); r <= std::min(row + 1, squares.down - 1); ++r) {
+        for (int c = std::max(column, 0); c <= std::min(column + 1, squares.across - 1); ++c)
+          window += score.col(static_cast<Index>(r) * squares.across + c);
+      }
+      sum += 0.25 * window * window.transpose();
     }
   }
-  return score * score.transpose();
+  const auto lit = static_cast<double>((score.colwise().squaredNorm().array() > 0.0).count());
+  // Σ of the squared weights 1, 1/2 twice, in each direction.
+  freedom = lit / (1.5 * 1.5);
+  return sum;
 }
 
 }  // namespace
@@ -158,7 +179,9 @@ CompressedAt compress(const ForwardModel& model, const FitData& data, const FitS
   std::vector<double> cost(static_cast<std::size_t>(bands), 0.0);
   std::vector<double> square(static_cast<std::size_t>(bands), 0.0);
   std::vector<std::size_t> robust(static_cast<std::size_t>(bands), 0);
-  std::vector<Scores> scores(static_cast<std::size_t>(bands));
+  const Squares squares(data.image.width, data.image.height);
+  std::vector<MatrixXd> scores(with_halves ? static_cast<std::size_t>(bands) : 0,
+                               MatrixXd::Zero(own + shared, static_cast<Index>(squares.across) * squares.down));
   const int tiles_across = (data.image.width + kTile - 1) / kTile;
   const int tiles = tiles_across * ((data.image.height + kTile - 1) / kTile);
   for (int tile = 0; tile < tiles; ++tile) {
@@ -200,8 +223,10 @@ CompressedAt compress(const ForwardModel& model, const FitData& data, const FitS
       all[band].add(rows);
       if (with_halves) {
         half[static_cast<std::size_t>((tile / tiles_across + tile % tiles_across) % 2)][band].add(rows);
-        scores[band].tile.push_back(tile);
-        scores[band].value.push_back(rows.leftCols(own + shared).transpose() * rows.col(own + shared));
+        for (Index i = 0; i < count; ++i) {
+          scores[band].col(squares.of(pixels[static_cast<std::size_t>(i)], data.image.width)) +=
+              rows(i, own + shared) * rows.row(i).head(own + shared).transpose();
+        }
       }
     });
   }
@@ -219,7 +244,7 @@ CompressedAt compress(const ForwardModel& model, const FitData& data, const FitS
   result.robust_share = static_cast<double>(std::accumulate(robust.begin(), robust.end(), std::size_t{0})) / residuals;
   if (!with_halves) return result;
   for (const auto& one : half) result.half_triangle.push_back(join_bands(triangles(one), own, shared).shared_triangle);
-  result.score_scatter = scatter(scores, result.all, tiles);
+  result.score_scatter = scatter(scores, result.all, squares, result.score_freedom);
   const MatrixXd prior = prior_rows(state, state.camera, free, params);
   result.score_scatter += prior.leftCols(shared).transpose() * prior.leftCols(shared);
   return result;

@@ -26,9 +26,13 @@ struct CompressedAt {
   CompressedBands all;  ///< columns own, shared, residual, right sides; rows times the root of the robust weights
   /// The same of the tiles of even and of odd number alone (a chequered pattern of tiles), shared parameters.
   std::vector<Eigen::MatrixXd> half_triangle;
-  /// Σ over the tiles of score scoreᵀ of the shared parameters (the middle of the sandwich), priors included: holds for
-  /// residuals that are correlated within a tile.
+  /// The middle of the sandwich: covariance of the shared parameters' score Σ Jᵀ r, from the scores of small squares
+  /// (some 12 to 24 across the picture, 2 to 16 px wide) and of their neighbours with weights that fall to 0 at two
+  /// squares' distance (Conley, Journal of Econometrics 92, 1999). Priors included. Holds for residuals that are larger
+  /// than the noise or correlated over a square.
   Eigen::MatrixXd score_scatter;
+  /// Independent squares that a variance so estimated is worth.
+  double score_freedom = 0.0;
   double cost = 0.0;          ///< Σ ρ
   double chi_square = 0.0;    ///< mean squared residual
   double robust_share = 0.0;  ///< of residuals that count linearly

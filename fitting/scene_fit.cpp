@@ -22,6 +22,8 @@ constexpr double kSmallBlur = 0.7;    ///< of small pictures, at least [px]
 constexpr double kFirstBlur = 0.5;    ///< from which a free blur starts, at least [px]
 /// Fall of Σ ρ that ends a search, over χ² per residual: a few hundredths of a standard deviation.
 constexpr double kSmallFall = 2e-3;
+constexpr double kFarRadius = 1e3;   ///< of the trust region in small pictures
+constexpr double kNearRadius = 1e4;  ///< and at full size
 
 LensCamera reduced(const LensCamera& camera, int factor) {
   LensCamera small = camera;
@@ -53,7 +55,7 @@ struct PhotometricSearch {
   std::vector<int> free;
   Evaluation last{};
 
-  FitStage run(const std::string& name, FitState& state, int most_iterations, double tolerance) {
+  FitStage run(const std::string& name, FitState& state, int most_iterations, double tolerance, double first_radius) {
     const Linearise linearise = [&](FitState& at, bool with_derivatives) {
       Linearisation result;
       Evaluation here = model.evaluate(at, with_derivatives ? free : std::vector<int>{}, progress);
@@ -68,6 +70,7 @@ struct PhotometricSearch {
                     {.name = name,
                      .most_iterations = most_iterations,
                      .tolerance = tolerance,
+                     .first_radius = first_radius,
                      .residuals = static_cast<double>(data.residuals),
                      .priors = priors(start.camera, free, params),
                      .believed = start},
@@ -113,7 +116,7 @@ void run_small_pictures(const ForwardModel& model, const FitParams& params, cons
     FitState small_start = start;
     small_start.camera = reduced(like, factor);
     PhotometricSearch search{model, small, coarse, small_start, progress, free_parameters(model.scene(), coarse)};
-    fit.stages.push_back(search.run("small picture", state, first ? 30 : 8, 1e-3));
+    fit.stages.push_back(search.run("small picture", state, first ? 30 : 8, 1e-3, kFarRadius));
     state.half_angle_rad = half_angle;
     state.camera = enlarged(state.camera, like, factor);
     state.blur_px = fit.state.blur_px;
@@ -138,8 +141,8 @@ SceneFit fit_scene(const ForwardModel& model, const Capture& capture, const FitS
 
   if (params.blur) fit.state.blur_px = std::max(fit.state.blur_px, kFirstBlur);
   PhotometricSearch search{model, fit.data, params, start, progress, fit.free};
-  fit.stages.push_back(
-      search.run("full picture", fit.state, params.most_iterations, kSmallFall / static_cast<double>(fit.residuals)));
+  fit.stages.push_back(search.run("full picture", fit.state, params.most_iterations,
+                                  kSmallFall / static_cast<double>(fit.residuals), kNearRadius));
   fit.converged = fit.stages.back().converged;
 
   if (fit.free.empty()) search.last = model.evaluate(fit.state, {}, progress);
@@ -147,6 +150,7 @@ SceneFit fit_scene(const ForwardModel& model, const Capture& capture, const FitS
   fit.compressed = at.all;
   fit.half_triangle = at.half_triangle;
   fit.score_scatter = at.score_scatter;
+  fit.score_freedom = at.score_freedom;
   fit.cost = at.cost / static_cast<double>(fit.residuals);
   fit.chi_square = at.chi_square;
   fit.robust_share = at.robust_share;

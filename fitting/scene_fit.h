@@ -30,6 +30,7 @@ struct SceneFit {
   /// CompressedAt's, at the end.
   std::vector<Eigen::MatrixXd> half_triangle;
   Eigen::MatrixXd score_scatter;
+  double score_freedom = 0.0;
 };
 
 /// Silhouettes; then small pictures, at first with a wide lamp; then full size (minimizer.h). In every step the

@@ -7,9 +7,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
+#include <numbers>
 
 #include "fitting/photometric_residuals.h"
+#include "fitting/slippage.h"
 
 namespace interglow::fitting {
 namespace {
@@ -23,6 +24,7 @@ using Eigen::VectorXd;
 constexpr double kRounding = 1e-7;
 /// A parameter takes part in a direction with at least this share of its length.
 constexpr double kTakesPart = 0.25;
+constexpr double kGrey = 0.01;             ///< relative variation of a reflectance that counts as none
 constexpr double kInterval95 = 3.8414588;  ///< χ² with one degree of freedom
 
 MatrixXd with_priors(const SceneFit& fit, const FitParams& params) {
@@ -41,7 +43,93 @@ std::optional<Vector3d> normals_axis(const radiosity::Elements& elements) {
     spread += elements.area_mm2[e] * elements.normal.row(e).transpose() * elements.normal.row(e);
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(spread);
   if (eigen.eigenvalues()[0] > 1e-4 * eigen.eigenvalues()[2]) return std::nullopt;
-  return eigen.eigenvectors().col(0);
+  Vector3d axis = eigen.eigenvectors().col(0);
+  Index longest = 0;
+  axis.cwiseAbs().maxCoeff(&longest);
+  if (axis[longest] < 0.0) axis = -axis;
+  return axis.unaryExpr([](double x) { return std::abs(x) < 0.005 ? 0.0 : x; });  // no "-0.00" in a name
+}
+
+/// Slips as orthonormal columns in the range-scaled space of the free parameters: the camera turns with the surfaces,
+/// and the light stays where the camera sees it.
+MatrixXd slip_directions(const Slippage& slips, const SceneFit& fit, const VectorXd& ranges) {
+  const auto count = static_cast<Index>(fit.free.size());
+  const auto is_free = [&](int parameter) {
+    return std::find(fit.free.begin(), fit.free.end(), parameter) != fit.free.end();
+  };
+  if (slips.slips.empty() || !is_free(kTurnX)) return MatrixXd::Zero(count, 0);
+  const auto of = static_cast<Index>(slips.slips.size());
+  const Eigen::Matrix<double, 3, 2> tangents = light_tangents(fit.state.light_direction);
+  MatrixXd full = MatrixXd::Zero(fit.free.back() + 1 + kFirstScale, of);
+  Eigen::Matrix3Xd tilt(3, of);
+  for (Index k = 0; k < of; ++k) {
+    const Slip& slip = slips.slips[static_cast<std::size_t>(k)];
+    tilt.col(k) = -slip.turn.cross(fit.state.light_direction);
+    full.block(kLightU, k, 2, 1) = tangents.transpose() * tilt.col(k);
+    full.block(kTurnX, k, 3, 1) = fit.state.camera.rotation * slip.turn;
+    full.block(kShiftX, k, 3, 1) = fit.state.camera.rotation * slip.shift;
+  }
+  // A light that is held allows those slips alone that leave it where it is.
+  if (!is_free(kLightU)) {
+    const Eigen::FullPivLU<MatrixXd> lu(tilt);
+    if (lu.rank() == of) return MatrixXd::Zero(count, 0);
+    full = full * lu.kernel();
+  }
+  MatrixXd scaled(count, full.cols());
+  for (Index k = 0; k < count; ++k) scaled.row(k) = full.row(fit.free[static_cast<std::size_t>(k)]) / ranges[k];
+  const Eigen::HouseholderQR<MatrixXd> qr(scaled);
+  return qr.householderQ() * MatrixXd::Identity(count, full.cols());
+}
+
+struct Spread {
+  MatrixXd covariance;
+  MatrixXd by_weights;  ///< if the weights were the whole truth
+};
+
+/// Uncertainty::covariance, in the space scaled by the ranges, where the belief is the identity.
+/// @param seen  triangle without what slips
+Spread spread_of(const MatrixXd& seen, const SceneFit& fit, const VectorXd& ranges, const MatrixXd& open) {
+  const Index count = ranges.size();
+  const MatrixXd scaled = seen.leftCols(count) * ranges.asDiagonal();
+  const MatrixXd identity = MatrixXd::Identity(count, count);
+  const MatrixXd keep = identity - open * open.transpose();
+  const MatrixXd scores = keep * ranges.asDiagonal() * fit.score_scatter * ranges.asDiagonal() * keep + identity;
+  const Eigen::LLT<MatrixXd> llt(scaled.transpose() * scaled + identity);
+  const MatrixXd root = llt.matrixL().solve(identity);
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(root * scores * root.transpose());
+  // Scores of a few squares scatter by chance: what they could if the weights were right (Marchenko and Pastur) counts
+  // as what the weights say.
+  const double least = std::max(1.0, fit.chi_square);
+  const double chance =
+      least * std::pow(1.0 + std::sqrt(static_cast<double>(count) / std::max(1.0, fit.score_freedom)), 2);
+  const VectorXd values = eigen.eigenvalues().unaryExpr([&](double v) { return v > chance ? v : least; });
+  const MatrixXd vectors = ranges.asDiagonal() * root.transpose() * eigen.eigenvectors();
+  return {vectors * values.asDiagonal() * vectors.transpose(),
+          ranges.asDiagonal() * root.transpose() * root * ranges.asDiagonal()};
+}
+
+/// What the scene leaves open whatever is captured.
+std::vector<std::string> notes_of(const ForwardModel& model, const Slippage& slips) {
+  std::vector<std::string> notes;
+  if (!slips.body.empty()) {
+    notes.push_back("The surfaces are " + slips.body +
+                    ": turned about it they look the same, and a turn of the camera trades with a tilt of the light. "
+                    "Facets are not counted as something that is seen.");
+  }
+  // Spectra that every reflection multiplies: where all are alike and even, no band tells once from twice reflected.
+  const auto& materials = model.scene().materials;
+  bool grey = true;
+  for (const spectral::Material& material : materials) {
+    const VectorXd& r = material.donaldson.reflectance;
+    grey = grey && material.donaldson.luminescence.size() == 0 && r.maxCoeff() - r.minCoeff() < kGrey * r.mean();
+  }
+  if (grey) {
+    notes.push_back(
+        "All reflectances are grey: light between the objects has the colour of direct light, so that only its place "
+        "in "
+        "the picture tells w/w', and the ratio of shading terms does not exist.");
+  }
+  return notes;
 }
 
 std::string sentence_of(const ForwardModel& model, const SceneFit& fit, const VectorXd& unit, const VectorXd& step) {
@@ -64,8 +152,8 @@ std::string sentence_of(const ForwardModel& model, const SceneFit& fit, const Ve
     const std::optional<Vector3d> axis = normals_axis(model.elements());
     const std::string along =
         axis && std::abs(axis->dot(tilt)) > 0.85
-            ? fmt::format("light tilt along the axis of the surfaces ({:.2f}, {:.2f}, {:.2f})", std::abs(axis->x()),
-                          std::abs(axis->y()), std::abs(axis->z()))
+            ? fmt::format("light tilt along the axis of the surfaces ({:.2f}, {:.2f}, {:.2f})", axis->x(), axis->y(),
+                          axis->z())
             : fmt::format("light tilt along ({:.2f}, {:.2f}, {:.2f})", tilt.x(), tilt.y(), tilt.z());
     parts.emplace_back(tilt_share, along);
   }
@@ -157,18 +245,23 @@ Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitPar
   const VectorXd ranges = plausible_ranges(fit.state, fit.free);
   // Residuals larger than their weights say make everything less sure.
   const double excess = std::sqrt(std::max(1.0, fit.chi_square));
-  const Subspace space = split_directions(triangle, ranges, excess / params.weak_share);
-
+  // Motions of the surfaces into themselves: facets alone tell how far they have gone, and facets are the mesh's.
+  const Slippage slips = slippage(model.scene(), fit.state.camera.pivot);
+  const MatrixXd open = slip_directions(slips, fit, ranges);
+  MatrixXd seen = triangle;
+  seen.leftCols(count) = triangle.leftCols(count) * ranges.asDiagonal();
+  seen.leftCols(count) -= seen.leftCols(count) * open * open.transpose();
+  seen.leftCols(count) = seen.leftCols(count) * ranges.cwiseInverse().asDiagonal();
+  const Subspace space = split_directions(seen, ranges, excess / params.weak_share);
   const MatrixXd basis = ranges.asDiagonal() * space.strong;
-  const MatrixXd bread = basis * space.strength.array().square().inverse().matrix().asDiagonal() * basis.transpose();
-  result.covariance = bread * fit.score_scatter * bread;
+  const Spread spread = spread_of(seen, fit, ranges, open);
+  result.covariance = spread.covariance;
   result.correlation = MatrixXd::Zero(count, count);
   for (Index i = 0; i < count; ++i) {
-    for (Index j = 0; j < count; ++j) {
-      const double scale = std::sqrt(result.covariance(i, i) * result.covariance(j, j));
-      result.correlation(i, j) = scale > 0.0 ? result.covariance(i, j) / scale : 0.0;
-    }
+    for (Index j = 0; j < count; ++j)
+      result.correlation(i, j) = result.covariance(i, j) / std::sqrt(result.covariance(i, i) * result.covariance(j, j));
   }
+  result.notes = notes_of(model, slips);
 
   for (Index d = 0; d < space.weak.cols(); ++d) {
     WeakDirection weak;
@@ -193,11 +286,18 @@ Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitPar
     one.name = parameter_name(model.scene(), fit.state, one.parameter);
     one.unit = parameter_unit(one.parameter);
     one.value = value_of(fit.state, one.parameter);
-    for (Index d = 0; d < space.weak.cols(); ++d)
-      one.determined = one.determined && std::abs(space.weak(k, d)) < kTakesPart;
-    if (one.parameter == kBlur && fit.state.blur_px <= kLeastBlur + 1e-9) one.determined = false;
     one.sd = std::sqrt(result.covariance(k, k));
-    one.model_sd = std::sqrt(bread(k, k));
+    one.model_sd = std::sqrt(spread.by_weights(k, k));
+    one.determined =
+        one.sd <= params.weak_share * ranges[k] && !(one.parameter == kBlur && fit.state.blur_px <= kLeastBlur + 1e-9);
+    bool named = one.determined;
+    for (Index d = 0; d < space.weak.cols(); ++d) named = named || std::abs(space.weak(k, d)) >= kTakesPart;
+    if (!named) {
+      const bool angle = one.unit == "rad";
+      result.notes.push_back(fmt::format("{}: held too weakly, with a standard deviation of {:.2g} {}.", one.name,
+                                         one.sd * (angle ? 180.0 / std::numbers::pi : 1.0),
+                                         angle ? "degrees" : one.unit));
+    }
     // Each half knows half as much: their difference has twice the standard deviation.
     one.half_difference_sigmas = one.sd > 0.0 ? half_step[k] / (2.0 * one.sd) : 0.0;
     result.parameters.push_back(one);
@@ -209,7 +309,7 @@ Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitPar
                                : excess * excess;
   if (params.profile && w != nullptr && w->determined && w->sd < 0.3 * fit.state.w) {
     const Index column = std::find(fit.free.begin(), fit.free.end(), static_cast<int>(kW)) - fit.free.begin();
-    result.profile = profile_of(model, fit, fit_params, triangle, space, ranges, column, w->sd, inflation, progress);
+    result.profile = profile_of(model, fit, fit_params, seen, space, ranges, column, w->sd, inflation, progress);
   }
   if (fit_params.light) {
     if (const std::optional<Vector3d> axis = normals_axis(model.elements())) {

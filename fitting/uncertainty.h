@@ -14,8 +14,8 @@
 namespace interglow::fitting {
 
 struct UncertaintyParams {
-  /// A direction in the space of parameters is not determined if its standard deviation is above this share of the
-  /// plausible ranges (light and turns 0.2 rad, distance and focal length 10 %, blur 1 px, w 0.5, …). In (0, 1].
+  /// A parameter, or a direction in their space, is not determined if its standard deviation is above this share of the
+  /// plausible range (plausible_ranges): by default 1 degree for the light. In (0, 1].
   double weak_share = 0.1;
   bool profile = true;  ///< of w: six more pictures
 };
@@ -27,7 +27,8 @@ struct ParameterEstimate {
   std::string unit;
   double value = 0.0;  ///< steps from the state for directions and turns: 0
   bool determined = true;
-  double sd = 0.0;                      ///< sandwich form; meaningless unless determined
+  /// Sandwich form; what the data leave open counts with the plausible range.
+  double sd = 0.0;
   double model_sd = 0.0;                ///< if the weights were the whole truth
   double half_difference_sigmas = 0.0;  ///< of the two chequered halves of the picture, in its standard deviation
 };
@@ -50,7 +51,12 @@ struct WProfile {
 struct Uncertainty {
   std::vector<ParameterEstimate> parameters;
   std::vector<WeakDirection> weak;
-  Eigen::MatrixXd covariance;  ///< sandwich, of the determined subspace
+  /// What the scene itself leaves open, whatever the capture, and what the capture holds too little of.
+  std::vector<std::string> notes;
+  /// (H + B)⁻¹ (S + B) (H + B)⁻¹: H curvature, S covariance of the score (not below what the weights say), B the belief
+  /// of one plausible range with which the fit began. Nothing is inverted that is singular, and what is not determined
+  /// keeps the plausible range, with all that it makes uncertain.
+  Eigen::MatrixXd covariance;
   Eigen::MatrixXd correlation;
   std::optional<WProfile> profile;
   /// The light mirrored about the plane of the normals, if the capture fits it nearly as well.

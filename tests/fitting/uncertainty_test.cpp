@@ -5,6 +5,7 @@
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <numbers>
 #include <string>
 
 #include "fit_captures.h"
@@ -32,6 +33,7 @@ struct Fitted {
 
   std::string sentences() const {
     std::string all;
+    for (const std::string& note : uncertainty.notes) all += note + "\n";
     for (const WeakDirection& weak : uncertainty.weak) all += weak.sentence + "\n";
     return all;
   }
@@ -76,6 +78,85 @@ TEST(Uncertainty, OnePlaneDeterminesNeitherLightNorW) {
   EXPECT_FALSE(plane.uncertainty.find(kLightV)->determined);
   EXPECT_FALSE(plane.uncertainty.find(kW)->determined);
   EXPECT_NE(plane.sentences().find("w/w' changes nothing"), std::string::npos) << plane.sentences();
+}
+
+/// A ball of radius 20 mm in faces of 30 degrees, with the normals of the sphere.
+scene::Scene ball() {
+  scene::Scene scene = test::single_plane(kSmall);
+  mesh::PatchMesh& mesh = scene.objects[0].patches;
+  mesh = {};
+  constexpr int kAround = 12;
+  constexpr int kDown = 6;
+  const auto normal = [](int i, int j) {
+    const double polar = std::numbers::pi * j / kDown;
+    const double bearing = 2.0 * std::numbers::pi * i / kAround;
+    return Vector3d(std::sin(polar) * std::cos(bearing), std::sin(polar) * std::sin(bearing), std::cos(polar));
+  };
+  const auto at = [](int i, int j) { return j == 0 ? 0 : j == kDown ? 1 : 2 + (j - 1) * kAround + i % kAround; };
+  mesh.points = {Vector3d(0, 0, 20), Vector3d(0, 0, -20)};
+  for (int j = 1; j < kDown; ++j) {
+    for (int i = 0; i < kAround; ++i) mesh.points.push_back(20.0 * normal(i, j));
+  }
+  const auto add = [&](int a, int b, int c) {
+    mesh.faces.push_back({a, b, c, -1});
+    const auto n = [&](int k) { return mesh.points[static_cast<std::size_t>(k)].normalized(); };
+    mesh.corner_normals.push_back({n(a), n(b), n(c), n(c)});
+  };
+  for (int j = 0; j < kDown; ++j) {
+    for (int i = 0; i < kAround; ++i) {
+      if (j > 0) add(at(i, j), at(i, j + 1), at(i + 1, j));
+      if (j + 1 < kDown) add(at(i + 1, j), at(i, j + 1), at(i + 1, j + 1));
+    }
+  }
+  mesh.closed = true;
+  return scene;
+}
+
+// Any turn about the centre looks the same under a light that turns along. The mesh's facets do show, and must not
+// count. What is determined is the light as the camera sees it.
+TEST(Uncertainty, ABallDeterminesTheLightInTheCamerasFrameAlone) {
+  const Fitted sphere(ball(), {.focal = false, .blur = false, .staged = false, .most_iterations = 2});
+  EXPECT_NE(sphere.sentences().find("a sphere about (0.0, 0.0, 0.0) mm"), std::string::npos) << sphere.sentences();
+  for (const int parameter : {kLightU, kLightV, kTurnX, kTurnY, kTurnZ})
+    EXPECT_FALSE(sphere.uncertainty.find(parameter)->determined) << sphere.uncertainty.find(parameter)->sd;
+  EXPECT_TRUE(sphere.uncertainty.find(kShiftX)->determined) << sphere.uncertainty.find(kShiftX)->sd;
+  // In the camera: turn × R l + R δl.
+  const FitState& state = sphere.fit.state;
+  const Vector3d seen = state.camera.rotation * state.light_direction;
+  MatrixXd motion(3, 5);
+  motion.leftCols(2) = state.camera.rotation * light_tangents(state.light_direction);
+  for (int k = 0; k < 3; ++k) motion.col(2 + k) = Vector3d::Unit(k).cross(seen);
+  const MatrixXd covariance = motion * sphere.uncertainty.covariance.topLeftCorner(5, 5) * motion.transpose();
+  constexpr double kDegree = std::numbers::pi / 180.0;
+  EXPECT_LT(std::sqrt(covariance.trace()), 1.0 * kDegree);
+  EXPECT_GT(sphere.uncertainty.find(kLightU)->sd, 3.0 * kDegree);
+}
+
+// Seen from 20 times as far through a 20 times narrower field, distance and focal length are one.
+TEST(Uncertainty, FromFarDistanceTradesWithFocalLength) {
+  scene::Scene scene = test::half_cylinders(kSmall);
+  scene.camera.position = 20.0 * (scene.camera.position - scene.camera.target) + scene.camera.target;
+  scene.camera.horizontal_fov_deg /= 20.0;
+  const Fitted far(scene, {.blur = false, .staged = false, .most_iterations = 2});
+  EXPECT_FALSE(far.uncertainty.find(kShiftZ)->determined);
+  EXPECT_FALSE(far.uncertainty.find(kFocal)->determined);
+  const std::string all = far.sentences();
+  EXPECT_TRUE(all.find("camera distance trades with focal length") != std::string::npos ||
+              all.find("focal length (logarithm) trades with camera distance") != std::string::npos)
+      << all;
+  EXPECT_TRUE(far.uncertainty.find(kW)->determined);
+}
+
+// With one grey for both, every band says the same; the note says what is left to tell w from the gain.
+TEST(Uncertainty, EqualGreysAreNamed) {
+  scene::Scene scene = test::half_cylinders(kSmall);
+  for (spectral::Material& material : scene.materials) material.donaldson.reflectance.setConstant(0.6);
+  FitParams params = kNear;
+  params.reflectance = true;
+  const Fitted grey(scene, params);
+  EXPECT_NE(grey.sentences().find("All reflectances are grey"), std::string::npos) << grey.sentences();
+  const Fitted coloured(test::half_cylinders(kSmall), params);
+  EXPECT_EQ(coloured.sentences().find("grey"), std::string::npos) << coloured.sentences();
 }
 
 TEST(Uncertainty, ADeterminedTriangleHasNoWeakDirectionAndTheRightVariance) {
