@@ -69,6 +69,7 @@ Json object_json(const scene::Object& object, const scene::ObjectReport& report)
           {"distance_to_scan_max_mm", distance.maximum_mm},
           {"normal_change_rms_deg", report.remesh.normal_change_deg},
           {"smallest_angle_deg", report.remesh.angles.minimum_deg},
+          {"crossings", report.remesh.crossings},
           {"scan_overlap_mm2", report.remesh.scan_overlap.area_mm2},
           {"scan_overlap_depth_mm", report.remesh.scan_overlap.depth_mm},
           {"patch_overlap_mm2", report.remesh.patch_overlap.area_mm2},

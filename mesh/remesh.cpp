@@ -17,6 +17,7 @@
 #include "mesh/contact.h"
 #include "mesh/fitted_surface.h"
 #include "mesh/half_edges.h"
+#include "mesh/hole_filling.h"
 #include "mesh/small_holes.h"
 #include "mesh/surface_index.h"
 
@@ -401,6 +402,7 @@ std::vector<Remeshed> remesh(std::span<const RemeshInput> objects, const Progres
     if (work.input->params.keep_triangles) continue;
     report.distance = two_sided_distance(work.input->scan, patches);
     report.normal_change_deg = normal_change_deg(work.input->scan, patches);
+    report.crossings = detail::count_self_intersections({patches.points, triangles_of(patches)});
   }
   progress.update("Remeshing", 1);
   return results;

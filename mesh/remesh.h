@@ -2,6 +2,7 @@
 /// Scans to patches: fits the smooth surfaces behind the scans of a scene and covers them with well-shaped patches.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <span>
 #include <string>
@@ -56,6 +57,7 @@ struct RemeshReport {
   SurfaceDistance distance;      ///< between scan and patches
   double normal_change_deg = 0;  ///< RMS angle between the scan's triangles and the patches' normals over them
   AngleStatistics angles;
+  std::size_t crossings = 0;  ///< pairs of the object's own patches that pass through each other
   int closed_holes = 0;
   double closed_contact_mm = 0;         ///< length of the contact lines to which the surface was continued
   Overlap scan_overlap, patch_overlap;  ///< between objects, before and after

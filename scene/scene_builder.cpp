@@ -127,6 +127,15 @@ class Builder {
     return input;
   }
 
+  void warn_of_crossings(const ObjectDescription& described, const mesh::RemeshReport& report) {
+    if (report.crossings == 0) return;
+    built_.warnings.push_back(fmt::format(
+        "{}: {} of the object's own patches pass through each other where the scan has folds, tunnels or inner walls "
+        "smaller than a patch of {:.3g} mm; light near them is not reliable. Ask for more patches, or clean the scan.",
+        described.place, report.crossings == 1 ? "one pair" : fmt::format("{} pairs", report.crossings),
+        report.edge_length_mm));
+  }
+
   void load_objects() {
     std::vector<mesh::RemeshInput> inputs;
     for (const ObjectDescription& object : description_.objects) {
@@ -157,6 +166,7 @@ class Builder {
         throw InvalidInput(described.place +
                            ": the mesh is closed, but sides = \"two\"; a closed solid is one-sided. Remove \"sides\".");
       }
+      warn_of_crossings(described, remeshed[o].report);
       built_.objects[o].remesh = std::move(remeshed[o].report);
       built_.scene.objects.push_back(std::move(object));
     }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Real scans from file to picture, coarsely: what repair and remeshing make of them must hold up light transport.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -96,12 +97,10 @@ TEST_P(RealScan, BecomesASolvedImage) {
   const radiosity::Elements elements = radiosity::make_elements(scene);
   const radiosity::Transport transport = radiosity::Transport::build(elements, {.tolerance = 1e-2});
   // Nothing sees more than everything, unless surfaces pass through each other. Twice the tolerance of a row.
-  const mesh::TriangleMesh patches{scene.objects.front().patches.points,
-                                   mesh::triangles_of(scene.objects.front().patches)};
-  const std::size_t crossings =
-      mesh::repair(patches, {.count_self_intersections = true}).report.self_intersections.value();
-  if (crossings == 0) {
+  if (remeshed.crossings == 0) {
     EXPECT_LT(transport.report().max_row_sum, 1.02);
+  } else {
+    EXPECT_THAT(built.warnings, testing::Contains(testing::HasSubstr("pass through each other")));
   }
   const radiosity::RowMatrix direct =
       radiosity::total(radiosity::direct_light(scene, elements, transport), elements.size(), scene.grid.size());
