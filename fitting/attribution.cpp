@@ -107,7 +107,9 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
   if (model.scene().objects.size() > 1) {
     double gap_mm = 0.0;
     const scene::Scene apart = with_gap(model.scene(), 0.02, gap_mm);
-    const ForwardModel gap(apart, forward, progress);
+    ForwardParams same_faces = forward;
+    same_faces.mesh.reset();
+    const ForwardModel gap(apart, same_faces, progress);
     FitState there = state;
     const Evaluation moved_apart = gap.evaluate(there, {}, progress);
     if (moved_apart.channels.cols() == here.channels.cols()) {

@@ -32,7 +32,7 @@ constexpr double kLightStep = 2e-5;
 constexpr double kPictureStep = 2e-3;
 constexpr int kMostBounces = 10000;
 /// Triangles near another object are cut in four up to three times: to an eighth of the patches.
-constexpr int kMostCuts = 3;
+constexpr int kMostCuts = 0;
 
 /// A step of a camera parameter for differences of exact coverage.
 struct CameraStep {
@@ -62,10 +62,17 @@ VectorXd covered(const CameraView& view) {
   return result;
 }
 
+/// Without a sky nothing is asked of black sides.
+radiosity::TransportParams exchange(radiosity::TransportParams params) {
+  params.black_sides = false;
+  return params;
+}
+
 }  // namespace
 
 void validate(const ForwardParams& params) {
   radiosity::validate(params.transport);
+  if (params.mesh) validate(*params.mesh);
   if (params.bounces && *params.bounces < 0)
     throw InvalidParams(fmt::format("bounces is {}, expected at least 0.", *params.bounces));
   if (!(params.spectral_tolerance >= 1e-10 && params.spectral_tolerance <= 1e-2)) {
@@ -195,13 +202,13 @@ struct ForwardModel::Impl {
   std::vector<int> group;  ///< material of each triangle's front, -1 black; backs have the same or none
 
   Impl(const scene::Scene& of, const ForwardParams& with, const Progress& progress)
-      : scene(of),
+      : scene(with.mesh ? fit_mesh(of, *with.mesh) : of),
         params(with),
         elements(radiosity::make_elements(scene)),
         surface(scene, elements),
         rays(elements.faces),
         triangles(make_triangles(scene, elements, surface, kMostCuts)),
-        transport(radiosity::Transport::build(elements, params.transport, progress)),
+        transport(radiosity::Transport::build(elements, exchange(params.transport), progress)),
         spectra(reduce_spectra(scene, scene.directional_lights.front().normal_irradiance, params.spectral_tolerance)),
         gather(triangles, surface, elements, rays) {
     const Index per_material = 1 + spectra.modes();

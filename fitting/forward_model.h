@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "diagnostics/progress.h"
+#include "fitting/fit_mesh.h"
 #include "fitting/lens_camera.h"
 #include "fitting/spectral_reduction.h"
 #include "image/spectral_image.h"
@@ -21,6 +22,8 @@ namespace interglow::fitting {
 
 struct ForwardParams {
   radiosity::TransportParams transport{};
+  /// How the scene's faces are made finer (fit_mesh); empty: they stay as they are.
+  std::optional<FitMeshParams> mesh = FitMeshParams{};
   /// Indirect bounces; empty: all.
   std::optional<int> bounces{};
   /// What the compact spectra leave out, relative to the largest spectrum of one bounce, in [1e-10, 1e-2].
@@ -105,6 +108,7 @@ class ForwardModel {
   ForwardModel(const ForwardModel&) = delete;
   ForwardModel& operator=(const ForwardModel&) = delete;
 
+  /// With the faces of the model.
   const scene::Scene& scene() const;
   const SpectralReduction& spectra() const;
   const radiosity::Elements& elements() const;

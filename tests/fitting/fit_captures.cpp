@@ -5,29 +5,33 @@
 #include <cmath>
 #include <random>
 
+#include "cross_check/path_tracer.h"
 #include "fitting/forward_model.h"
 #include "radiosity/direct_light.h"
 #include "radiosity/solution.h"
 #include "rendering/render.h"
 
 namespace interglow::test {
+namespace {
 
-fitting::Capture simulated_capture(const scene::Scene& scene, const CaptureOptions& options) {
-  const radiosity::Elements elements = radiosity::make_elements(scene);
-  const auto transport = radiosity::Transport::build(elements, {});
-  const auto direct =
-      radiosity::total(radiosity::direct_light(scene, elements, transport), elements.size(), scene.grid.size());
-  const auto solution =
-      radiosity::solve(transport, scene.materials, elements.material, direct, {.bounces = options.bounces});
-  const rendering::RenderedImages images =
-      rendering::render(scene, elements, solution, {.samples_per_side = 8, .gather_tolerance = 3e-4});
-  image::SpectralImage picture = images.total;
+/// Adds what `other` holds; a component that the scene cannot have holds nothing.
+void add(image::SpectralImage& image, const image::SpectralImage& other) {
+  if (image.value.empty()) {
+    image = other;
+    return;
+  }
+  for (std::size_t i = 0; i < other.value.size(); ++i) image.value[i] += other.value[i];
+}
+
+/// What the sensor makes of the light whose direct part is `first`.
+fitting::Capture sensed(const image::SpectralImage& total, const image::SpectralImage& first,
+                        const CaptureOptions& options) {
+  image::SpectralImage picture = total;
   const int bands = picture.bands();
   const auto pixels = static_cast<Eigen::Index>(picture.width) * picture.height;
   for (std::size_t i = 0; i < picture.value.size(); ++i) {
-    double first = images.re.value[i];
-    if (!images.le.value.empty()) first += images.le.value[i];
-    picture.value[i] = static_cast<float>(first + options.w * (images.total.value[i] - first));
+    const auto direct = static_cast<double>(first.value[i]);
+    picture.value[i] = static_cast<float>(direct + options.w * (static_cast<double>(total.value[i]) - direct));
   }
   radiosity::RowMatrix values = Eigen::Map<const Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
                                     picture.value.data(), pixels, bands)
@@ -55,6 +59,32 @@ fitting::Capture simulated_capture(const scene::Scene& scene, const CaptureOptio
     }
   }
   return capture;
+}
+
+}  // namespace
+
+fitting::Capture simulated_capture(const scene::Scene& scene, const CaptureOptions& options) {
+  const radiosity::Elements elements = radiosity::make_elements(scene);
+  const auto transport = radiosity::Transport::build(elements, {});
+  const auto direct =
+      radiosity::total(radiosity::direct_light(scene, elements, transport), elements.size(), scene.grid.size());
+  const auto solution =
+      radiosity::solve(transport, scene.materials, elements.material, direct, {.bounces = options.bounces});
+  const rendering::RenderedImages images =
+      rendering::render(scene, elements, solution, {.samples_per_side = 8, .gather_tolerance = 3e-4});
+  image::SpectralImage first = images.re;
+  add(first, images.le);
+  return sensed(images.total, first, options);
+}
+
+fitting::Capture traced_capture(const scene::Scene& scene, int paths, const CaptureOptions& options) {
+  // Two batches, as estimates need: large ones are stratified best.
+  cross_check::PathTracer tracer(
+      scene, {.bounces = options.bounces, .samples_per_batch = paths / 2, .seed = 1000003ULL * options.seed});
+  tracer.add_batches(2);
+  image::SpectralImage first = tracer.estimate(cross_check::Channel::kRe).mean;
+  add(first, tracer.estimate(cross_check::Channel::kLe).mean);
+  return sensed(tracer.estimate(cross_check::Channel::kTotal).mean, first, options);
 }
 
 }  // namespace interglow::test

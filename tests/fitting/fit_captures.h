@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Captures of test scenes by the renderer (rays and adaptive gathers) on meshes of their own, with a camera's noise.
+/// Captures of test scenes by the renderer or the path tracer, on meshes of their own, with a camera's noise.
 #pragma once
 
 #include <cstdint>
@@ -25,5 +25,9 @@ struct CaptureOptions {
 
 /// Objects whose pictures are taken; with `noise` 0 the noise is unknown to the fit.
 fitting::Capture simulated_capture(const scene::Scene& scene, const CaptureOptions& options = {});
+
+/// The same by the path tracer, which shares nothing with the fitted model: the faces themselves are the surface, so
+/// that round bodies need fine ones. @param paths  of each pixel, at least 2
+fitting::Capture traced_capture(const scene::Scene& scene, int paths, const CaptureOptions& options = {});
 
 }  // namespace interglow::test

@@ -77,10 +77,9 @@ class ForwardModelOf : public testing::TestWithParam<const char*> {
 TEST_P(ForwardModelOf, AgreesWithTheRendererOnTheSameMesh) {
   // Independent: rays instead of exact areas, adaptive gathers instead of fixed points, all bands instead of modes.
   // Edges of shadows err by 1/64 of the contrast in the renderer's 8 x 8 rays; silhouettes and contacts are left out.
-  const scene::Scene scene = this->scene(48);
-  const ForwardModel model(scene, {});
+  const ForwardModel model(this->scene(48), {.mesh = FitMeshParams{.most_turn_deg = 90.0, .contact_halvings = 1}});
   const FitState state = model.initial_state();
-  const rendering::RenderedImages images = rendered(scene);
+  const rendering::RenderedImages images = rendered(model.scene());
   const image::SpectralImage ours = picture(model, state, model.evaluate(state, {}));
   const Difference d = difference(ours, images.total, inner_pixels(images.object, 48, 48));
   EXPECT_LT(d.rms, 5e-3) << "mean " << d.mean;
@@ -123,8 +122,7 @@ void check_derivatives(const ForwardModel& model, const FitState& state, double 
 }
 
 TEST_P(ForwardModelOf, DerivativesMeetRichardsonDifferencesUnderAWideSource) {
-  const scene::Scene scene = this->scene(16, 2.0, 6);
-  const ForwardModel model(scene, {});
+  const ForwardModel model(this->scene(16, 2.0, 6), {.mesh = std::nullopt});
   FitState state = model.initial_state();
   state.blur_px = 0.8;
   state.w = 1.2;
@@ -134,8 +132,7 @@ TEST_P(ForwardModelOf, DerivativesMeetRichardsonDifferencesUnderAWideSource) {
 }
 
 TEST_P(ForwardModelOf, DerivativesMeetRichardsonDifferencesWithSharpShadows) {
-  const scene::Scene scene = this->scene(24, 0.0, 12);
-  const ForwardModel model(scene, {});
+  const ForwardModel model(this->scene(24, 0.0, 12), {.mesh = std::nullopt});
   FitState state = model.initial_state();
   state.blur_px = 0.8;
   check_derivatives(model, state, 0.999, 1e-2);
@@ -146,8 +143,8 @@ INSTANTIATE_TEST_SUITE_P(Scenes, ForwardModelOf, testing::Values("half_cylinders
 TEST(ForwardModel, CompactSpectraCarryTheWholeSolve) {
   // A bispectral solve in all bands against one on the modes: differences are what the modes leave out.
   const scene::Scene scene = test::half_cylinders({.around = 8, .along = 4, .side_px = 24});
-  ForwardModel fine(scene, {.spectral_tolerance = 1e-9});
-  ForwardModel coarse(scene, {.spectral_tolerance = 1e-5});
+  ForwardModel fine(scene, {.mesh = std::nullopt, .spectral_tolerance = 1e-9});
+  ForwardModel coarse(scene, {.mesh = std::nullopt, .spectral_tolerance = 1e-5});
   const FitState state = fine.initial_state();
   const Difference d = difference(picture(coarse, state, coarse.evaluate(state, {})),
                                   picture(fine, state, fine.evaluate(state, {})), {});
@@ -157,7 +154,7 @@ TEST(ForwardModel, CompactSpectraCarryTheWholeSolve) {
 
 TEST(ForwardModel, IndirectLightGrowsWithTheFactorAlone) {
   const scene::Scene scene = test::half_cylinders({.around = 8, .along = 4, .side_px = 24});
-  const ForwardModel model(scene, {});
+  const ForwardModel model(scene, {.mesh = std::nullopt});
   FitState state = model.initial_state();
   const Evaluation one = model.evaluate(state, {});
   state.w = 1.5;

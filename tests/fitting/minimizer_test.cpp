@@ -140,7 +140,7 @@ TEST(Minimizer, SaysWhatIsWrongWithAStartThatCannotBe) {
 /// and offsets refitted: checks derivatives, weights, elimination and compression together.
 TEST(PhotometricResiduals, GradientIsThatOfTheRobustCost) {
   const test::FitSceneParams size{.around = 8, .along = 4, .bands = 3, .side_px = 24, .fluorescent = false};
-  const ForwardModel model(test::half_cylinders(size), {});
+  const ForwardModel model(test::half_cylinders(size), {.mesh = std::nullopt});
   // 1 sigma as Huber's limit: a third of the residuals count linearly.
   const FitParams params{.huber_sigmas = 1.0};
   const Capture capture = test::simulated_capture(test::half_cylinders(size), {.blur_px = 1.0});

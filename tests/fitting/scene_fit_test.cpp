@@ -78,7 +78,7 @@ TEST(SceneFit, FindsTheStateThatAPictureWasMadeWith) {
   // The model's own picture without noise: the optimum is exactly known, and its cost is 0. The gain is held, as light
   // along parallel cylinders trades with it.
   const ForwardModel model(
-      test::half_cylinders({.around = 6, .along = 3, .bands = 2, .side_px = 24, .fluorescent = false}), {});
+      test::half_cylinders({.around = 6, .along = 3, .bands = 2, .side_px = 24, .fluorescent = false}), {.mesh = std::nullopt});
   FitState truth = model.initial_state();
   truth.w = 1.2;
   truth.gain.setConstant(8000.0);
@@ -103,7 +103,7 @@ TEST(SceneFit, HasTheSameBitsOnOneAndOnTwoThreads) {
   const auto fitted = [&](int threads) {
     SceneFit fit;
     tbb::task_arena(threads).execute([&] {
-      const ForwardModel model(scene, {});
+      const ForwardModel model(scene, {.mesh = std::nullopt});
       fit = fit_scene(model, capture, away(model.initial_state(), 0.5, 0.005, 1.0), {.most_iterations = 3});
     });
     return fit;
@@ -119,7 +119,7 @@ TEST(SceneFit, HasTheSameBitsOnOneAndOnTwoThreads) {
 }
 
 TEST(SceneFit, CapturesOfAnotherSizeOrOtherBandsAreRefused) {
-  const ForwardModel model(test::half_cylinders({.around = 6, .along = 3, .bands = 4, .side_px = 12}), {});
+  const ForwardModel model(test::half_cylinders({.around = 6, .along = 3, .bands = 4, .side_px = 12}), {.mesh = std::nullopt});
   const auto message = [&](int bands, int side) -> std::string {
     const Capture capture =
         test::simulated_capture(test::half_cylinders({.around = 6, .along = 3, .bands = bands, .side_px = side}), {});
