@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -11,6 +10,7 @@
 
 #include "image/spectral_exr.h"
 #include "tests/cli/program.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow {
 namespace {
@@ -26,19 +26,14 @@ ProgramRun run_program(const std::string& arguments) { return cli::run_program(a
 class CompareCommand : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::temp_directory_path() /
-              (std::string("interglow_compare_") + ::testing::UnitTest::GetInstance()->current_test_info()->name() +
-               "_" + std::to_string(::getpid()));
-    fs::create_directories(folder_);
     const Eigen::Vector3d bands(450, 550, 650);
     image::write_spectral_exr(folder_ / "a.exr", {2, 1, bands, {1, 1, 1, 2, 0, 0}});
     image::write_spectral_exr(folder_ / "b.exr", {2, 1, bands, {2, 2, 2, 2, 2, 0}});
   }
-  void TearDown() override { fs::remove_all(folder_); }
   std::string file(const std::string& name) const { return (folder_ / name).string(); }
 
  private:
-  fs::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 TEST_F(CompareCommand, WritesFiguresAndMaps) {

@@ -2,7 +2,6 @@
 // The programs `register`, `compare --register` and `decompose`.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -16,6 +15,7 @@
 #include "image/mat_file.h"
 #include "image/spectral_exr.h"
 #include "program.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::cli {
 namespace {
@@ -26,12 +26,6 @@ using ::testing::HasSubstr;
 
 class FittingCommands : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("interglow_fitting_" + std::to_string(::getpid()) + "_" +
-                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   std::string file(const std::string& name) const { return (folder_ / name).string(); }
   nlohmann::json json(const std::string& name) const {
     std::ifstream in(folder_ / name);
@@ -39,7 +33,7 @@ class FittingCommands : public ::testing::Test {
   }
 
  private:
-  fs::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 /// A few soft spots in two bands, the second twice as bright, seen from (dx, dy) further.

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,6 +11,7 @@
 
 #include "image/spectral_exr.h"
 #include "tests/cli/program.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::cli {
 namespace {
@@ -72,14 +72,9 @@ std::string sheet(int n, const char* a_and_b) {
 class RunCommand : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = fs::temp_directory_path() /
-              (std::string("interglow_run_") + testing::UnitTest::GetInstance()->current_test_info()->name() + "_" +
-               std::to_string(::getpid()));
-    fs::create_directories(folder_);
     std::ofstream(folder_ / "floor.obj") << sheet(6, "xy");
     std::ofstream(folder_ / "wall.obj") << sheet(6, "yz");
   }
-  void TearDown() override { fs::remove_all(folder_); }
 
   /// Runs the program on the scene with more [solve] lines; returns the exit status.
   int run(const std::string& out, const std::string& solve, const std::string& arguments = "") {
@@ -97,7 +92,7 @@ class RunCommand : public testing::Test {
     return nlohmann::json::parse(stream);
   }
 
-  fs::path folder_;
+  const test::TemporaryFolder folder_;
   std::string output_;
 };
 

@@ -4,11 +4,12 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 #include <string>
+
+#include "tests/temporary_folder.h"
 
 namespace interglow::cli {
 
@@ -48,22 +49,17 @@ width_px = )" +
   }
 
   void SetUp() override {
-    const testing::TestInfo& test = *testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::temp_directory_path() / (std::string("interglow_") + test.test_suite_name() + "_" +
-                                                        test.name() + "_" + std::to_string(::getpid()));
-    std::filesystem::create_directories(folder_);
     write("floor.obj", "v 0 0 0\nv 40 0 0\nv 40 40 0\nv 0 40 0\nf 1 2 3 4\n");
     write("wall.obj", "v 0 0 0\nv 0 40 0\nv 0 40 40\nv 0 0 40\nf 1 2 3 4\n");
     write("red.csv", "wavelength,r\n400,0.1\n550,0.2\n700,0.8\n");
     write("yellow.csv", "wavelength,r\n400,0.1\n550,0.7\n700,0.7\n");
   }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
 
   std::filesystem::path file(const std::string& name) const { return folder_ / name; }
   void write(const std::string& name, const std::string& text) const { std::ofstream(file(name)) << text; }
 
  private:
-  std::filesystem::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 }  // namespace interglow::cli

@@ -5,7 +5,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -19,6 +18,7 @@
 
 #include "mesh/scan_file.h"
 #include "scene/scene_builder.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::exchange {
 namespace {
@@ -90,13 +90,6 @@ Vector3d vector(const std::string& text) {
 
 class RendererExportTest : public testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("interglow_export_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + "_" +
-               std::to_string(::getpid()));
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-
   void expect_same_surfaces(const scene::Scene& scene, const RendererExport& written) const {
     ASSERT_EQ(written.files.size(), 1 + scene.objects.size());
     for (std::size_t o = 0; o < scene.objects.size(); ++o) {
@@ -121,7 +114,8 @@ class RendererExportTest : public testing::Test {
     }
   }
 
-  std::filesystem::path folder_;
+  const test::TemporaryFolder folder_;
+  const std::filesystem::path out_ = folder_ / "out";  ///< not yet there
 };
 
 // ---- Mitsuba
@@ -158,7 +152,7 @@ class MitsubaExport : public RendererExportTest, public testing::WithParamInterf
 
 TEST_P(MitsubaExport, SaysWhatTheSceneSays) {
   const scene::Scene scene = example();
-  const RendererExport written = export_for_renderer(scene, GetParam().renderer, folder_, {.bounces = 3});
+  const RendererExport written = export_for_renderer(scene, GetParam().renderer, out_, {.bounces = 3});
   expect_same_surfaces(scene, written);
   pugi::xml_document document;
   ASSERT_TRUE(document.load_file(written.files[0].c_str()));
@@ -204,7 +198,7 @@ TEST_P(MitsubaExport, SaysWhatTheSceneSays) {
   const pugi::xml_node sheet = root.child("shape");
   const pugi::xml_node lamp = sheet.next_sibling("shape");
   ASSERT_FALSE(lamp.next_sibling("shape"));
-  EXPECT_EQ(folder_ / named(sheet, "filename").attribute("value").value(), written.files[1]);
+  EXPECT_EQ(out_ / named(sheet, "filename").attribute("value").value(), written.files[1]);
   EXPECT_TRUE(named(sheet, GetParam().face_normals).attribute("value").as_bool());
   EXPECT_STREQ(sheet.child("bsdf").attribute("type").value(), "twosided");
   expect_spectrum(mitsuba_nodes(sheet.child("bsdf").child("bsdf").child("spectrum")),
@@ -221,7 +215,7 @@ TEST_P(MitsubaExport, SaysWhatTheSceneSays) {
 }
 
 TEST_P(MitsubaExport, FollowsAllBouncesUnlessTold) {
-  const RendererExport written = export_for_renderer(example(), GetParam().renderer, folder_);
+  const RendererExport written = export_for_renderer(example(), GetParam().renderer, out_);
   pugi::xml_document document;
   ASSERT_TRUE(document.load_file(written.files[0].c_str()));
   EXPECT_EQ(document.child("scene")
@@ -238,7 +232,7 @@ TEST_F(RendererExportTest, SaysWhatScenesMadeForMitsubaSay) {
     SCOPED_TRACE(name);
     const std::filesystem::path data = std::filesystem::path(INTERGLOW_TEST_DATA) / "mitsuba" / name;
     const scene::Scene scene = scene::build_scene(scene::read_scene_file(data / "scene.toml")).scene;
-    const RendererExport written = export_for_renderer(scene, Renderer::kMitsuba06, folder_ / name);
+    const RendererExport written = export_for_renderer(scene, Renderer::kMitsuba06, out_ / name);
     pugi::xml_document their_document;
     pugi::xml_document our_document;
     ASSERT_TRUE(their_document.load_file((data / "path.xml").c_str()));
@@ -369,7 +363,7 @@ using PbrtExport = RendererExportTest;
 
 TEST_F(PbrtExport, SaysWhatTheSceneSays) {
   const scene::Scene scene = example();
-  const RendererExport written = export_for_renderer(scene, Renderer::kPbrt4, folder_, {.bounces = 3});
+  const RendererExport written = export_for_renderer(scene, Renderer::kPbrt4, out_, {.bounces = 3});
   expect_same_surfaces(scene, written);
   const std::vector<Statement> statements = read_pbrt(written.files[0]);
 
@@ -421,15 +415,15 @@ TEST_F(PbrtExport, ScalesUndoTheDivisionByLuminance) {
   scene::Scene scene = example();
   scene.grid = spectral::WavelengthGrid::uniform(360, 840, 160);
   scene.sky->radiance = VectorXd::Constant(4, 1.0);
-  const RendererExport written = export_for_renderer(scene, Renderer::kPbrt4, folder_);
+  const RendererExport written = export_for_renderer(scene, Renderer::kPbrt4, out_);
   const std::vector<Statement> statements = read_pbrt(written.files[0]);
   EXPECT_NEAR(std::stod(find(statements, "LightSource", "infinite").values.at("float scale")), 106.856895, 1e-3);
 }
 
 TEST_F(PbrtExport, RefusesParamsOutOfRange) {
-  EXPECT_THROW(export_for_renderer(example(), Renderer::kPbrt4, folder_, {.bounces = -1}), InvalidParams);
-  EXPECT_THROW(export_for_renderer(example(), Renderer::kPbrt4, folder_, {.samples_per_pixel = 0}), InvalidParams);
-  EXPECT_FALSE(std::filesystem::exists(folder_));
+  EXPECT_THROW(export_for_renderer(example(), Renderer::kPbrt4, out_, {.bounces = -1}), InvalidParams);
+  EXPECT_THROW(export_for_renderer(example(), Renderer::kPbrt4, out_, {.samples_per_pixel = 0}), InvalidParams);
+  EXPECT_FALSE(std::filesystem::exists(out_));
 }
 
 }  // namespace

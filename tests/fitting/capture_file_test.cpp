@@ -3,7 +3,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
@@ -13,6 +12,7 @@
 #include "image/band_folder.h"
 #include "image/channel_file.h"
 #include "image/envi.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::fitting {
 namespace {
@@ -24,12 +24,6 @@ using ::testing::HasSubstr;
 
 class CaptureFiles : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("interglow_capture_" + std::to_string(::getpid()) + "_" +
-                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   fs::path file(const std::string& name) const { return folder_ / name; }
   void describe(const std::string& text) const { std::ofstream(file("capture.toml")) << text; }
   std::string message(const std::string& name = "capture.toml") const {
@@ -42,7 +36,7 @@ class CaptureFiles : public ::testing::Test {
   }
 
  private:
-  fs::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 /// 3 × 2 pixels of whole numbers in three bands.

@@ -4,7 +4,6 @@
 #include <OpenImageIO/imageio.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cstdint>
 #include <filesystem>
@@ -16,6 +15,7 @@
 #include "diagnostics/error.h"
 #include "image/cube_file.h"
 #include "image/mask_file.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::image {
 namespace {
@@ -26,14 +26,8 @@ using ::testing::HasSubstr;
 
 class BandFolders : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("interglow_bands_" + std::to_string(::getpid()) + "_" +
-                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   fs::path file(const std::string& name) const { return folder_ / name; }
-  const fs::path& folder() const { return folder_; }
+  const fs::path& folder() const { return folder_.path(); }
   /// Writes through the image library itself, every value `value`.
   template <typename Number>
   void picture(const std::string& name, Number value, int width = 2, int height = 1, int channels = 1) const {
@@ -47,7 +41,7 @@ class BandFolders : public ::testing::Test {
   }
   std::string message(const Eigen::VectorXd& nm = {}) const {
     try {
-      read_band_folder(folder_, nm);
+      read_band_folder(folder_.path(), nm);
     } catch (const InvalidInput& error) {
       return error.what();
     }
@@ -55,7 +49,7 @@ class BandFolders : public ::testing::Test {
   }
 
  private:
-  fs::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 TEST_F(BandFolders, TakesWavelengthsFromNames) {

@@ -3,7 +3,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <bit>
 #include <cmath>
@@ -16,6 +15,7 @@
 #include <string>
 
 #include "diagnostics/error.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::image {
 namespace {
@@ -30,12 +30,6 @@ constexpr int kBands = 4;
 
 class Envi : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("interglow_envi_" + std::to_string(::getpid()) + "_" +
-                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   fs::path file(const std::string& name) const { return folder_ / name; }
   void write(const std::string& name, const std::string& bytes) const {
     std::ofstream(file(name), std::ios::binary) << bytes;
@@ -52,7 +46,7 @@ class Envi : public ::testing::Test {
   }
 
  private:
-  fs::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 std::string header(int type, const std::string& interleave, int byte_order, const std::string& more = "") {

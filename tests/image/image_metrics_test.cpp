@@ -3,7 +3,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -13,6 +12,7 @@
 #include "diagnostics/error.h"
 #include "image/comparison_files.h"
 #include "image/spectral_exr.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::image {
 namespace {
@@ -109,9 +109,9 @@ TEST(CompareImages, RefusesWhatCannotBeCompared) {
 }
 
 TEST(ComparisonMaps, AreWrittenAsNumbersAndPictures) {
-  const auto folder = std::filesystem::temp_directory_path() / ("interglow_maps_" + std::to_string(::getpid()));
+  const test::TemporaryFolder folder;
   const ImageComparison result = compare(two_bands(2, 1, {1, 1, 0, 0}), two_bands(2, 1, {1, 0, 0, 0}));
-  const std::vector<WrittenMap> written = write_comparison_maps(folder, result);
+  const std::vector<WrittenMap> written = write_comparison_maps(folder.path(), result);
   ASSERT_EQ(written.size(), 4U);
   EXPECT_EQ(written[0].highest, 50.0);  // 45 degrees
   for (const WrittenMap& map : written) EXPECT_TRUE(std::filesystem::exists(map.file)) << map.file;
@@ -120,7 +120,6 @@ TEST(ComparisonMaps, AreWrittenAsNumbersAndPictures) {
   ASSERT_LT(channel, 4);
   EXPECT_NEAR(maps.value[static_cast<std::size_t>(channel)], 45.0F, 1e-5F);
   EXPECT_TRUE(std::isnan(maps.value[4 + static_cast<std::size_t>(channel)]));
-  std::filesystem::remove_all(folder);
 }
 
 }  // namespace

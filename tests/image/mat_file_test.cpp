@@ -4,7 +4,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <matio.h>
-#include <unistd.h>
 
 #include <bit>
 #include <cstdint>
@@ -15,6 +14,7 @@
 #include <vector>
 
 #include "diagnostics/error.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::image {
 namespace {
@@ -25,12 +25,6 @@ using ::testing::HasSubstr;
 
 class MatFiles : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() / ("interglow_mat_" + std::to_string(::getpid()) + "_" +
-                                           ::testing::UnitTest::GetInstance()->current_test_info()->name());
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   fs::path file(const std::string& name) const { return folder_ / name; }
   std::string message(const std::string& name, const MatNames& names = {}, const Eigen::VectorXd& nm = {}) const {
     try {
@@ -42,7 +36,7 @@ class MatFiles : public ::testing::Test {
   }
 
  private:
-  fs::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 /// An array element of level 5 as the published format describes it: a matrix tag with flags, sizes, name and values.

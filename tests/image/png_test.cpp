@@ -3,7 +3,6 @@
 
 #include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -12,13 +11,10 @@
 #include "diagnostics/error.h"
 #include "image/pixel_table.h"
 #include "spectral/spectrum_file.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::image {
 namespace {
-
-std::filesystem::path temporary(const std::string& name) {
-  return std::filesystem::temp_directory_path() / ("interglow_" + std::to_string(::getpid()) + "_" + name);
-}
 
 template <class T>
 std::vector<T> read_all(const std::filesystem::path& path, OIIO::TypeDesc type, int channels) {
@@ -33,22 +29,23 @@ std::vector<T> read_all(const std::filesystem::path& path, OIIO::TypeDesc type, 
 }
 
 TEST(Png, HoldsEncodedBytes) {
-  const auto path = temporary("rgb.png");
+  const test::TemporaryFolder folder;
+  const auto path = folder / "rgb.png";
   // IEC 61966-2-1: linear 0.2140411 is 127.5 of 255, 0.0031308 is 10.3; what is out of range is clipped.
   write_png(path, RgbImage{2, 1, {0.0F, 1.0F, 0.215F, 0.0031308F, -3.0F, 7.0F}, 1.0, 0.0});
   EXPECT_EQ(read_all<std::uint8_t>(path, OIIO::TypeUInt8, 3), (std::vector<std::uint8_t>{0, 255, 128, 10, 0, 255}));
-  std::filesystem::remove(path);
 }
 
 TEST(MapPng, GreyIsLinearWith16Bits) {
-  const auto path = temporary("grey.png");
+  const test::TemporaryFolder folder;
+  const auto path = folder / "grey.png";
   write_map_png(path, ScalarMap{5, 1, {-1.0F, 0.0F, 1.0F, 4.0F, std::nanf("")}}, 0.0, 4.0, MapColours::kGrey);
   EXPECT_EQ(read_all<std::uint16_t>(path, OIIO::TypeUInt16, 1), (std::vector<std::uint16_t>{0, 0, 16384, 65535, 0}));
-  std::filesystem::remove(path);
 }
 
 TEST(MapPng, CubehelixRisesInLuminanceFromBlackToWhite) {
-  const auto path = temporary("colours.png");
+  const test::TemporaryFolder folder;
+  const auto path = folder / "colours.png";
   ScalarMap map{65, 1, {}};
   for (int i = 0; i < 64; ++i) map.value.push_back(static_cast<float>(i) / 63.0F);
   map.value.push_back(std::nanf(""));
@@ -66,17 +63,16 @@ TEST(MapPng, CubehelixRisesInLuminanceFromBlackToWhite) {
   }
   EXPECT_EQ(bytes[4 * 64 + 3], 0) << "no value is transparent";
   EXPECT_THROW(write_map_png(path, map, 1.0, 1.0, MapColours::kGrey), InvalidParams);
-  std::filesystem::remove(path);
 }
 
 TEST(PixelTable, HoldsTheSpectraOfThePixels) {
-  const auto path = temporary("pixels.csv");
+  const test::TemporaryFolder folder;
+  const auto path = folder / "pixels.csv";
   const SpectralImage image{2, 2, Eigen::Vector2d(400, 405), {1, 2, 3, 4, 5, 6, 7, 0.1F}};
   write_pixel_table(path, image, {{1, 0}, {1, 1}}, {"a comment"});
   EXPECT_EQ(spectral::read_spectrum(path, "row1_column0").value, Eigen::Vector2d(5, 6));
   EXPECT_EQ(spectral::read_spectrum(path, "row1_column1").value, Eigen::Vector2d(7, static_cast<double>(0.1F)));
   EXPECT_THROW(write_pixel_table(path, image, {{2, 0}}), InvalidParams);
-  std::filesystem::remove(path);
 }
 
 }  // namespace

@@ -4,7 +4,6 @@
 #include <OpenImageIO/imageio.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <filesystem>
@@ -13,6 +12,7 @@
 #include <random>
 
 #include "diagnostics/error.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::image {
 namespace {
@@ -23,17 +23,10 @@ using ::testing::HasSubstr;
 
 class SpectralExr : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::temp_directory_path() /
-              (std::string("interglow_") + ::testing::UnitTest::GetInstance()->current_test_info()->name() + "_" +
-               std::to_string(::getpid()));
-    fs::create_directories(folder_);
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   fs::path file(const std::string& name) const { return folder_ / name; }
 
  private:
-  fs::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 SpectralImage random_image(int width, int height, int bands) {

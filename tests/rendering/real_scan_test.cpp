@@ -2,7 +2,6 @@
 // Real scans from file to picture, coarsely: what repair and remeshing make of them must hold up light transport.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -17,6 +16,7 @@
 #include "rendering/render.h"
 #include "scene/scene_builder.h"
 #include "scene/scene_file.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::rendering {
 namespace {
@@ -73,8 +73,7 @@ TEST_P(RealScan, BecomesASolvedImage) {
   const auto vector = [](const Vector3d& v) {
     return "[" + std::to_string(v.x()) + ", " + std::to_string(v.y()) + ", " + std::to_string(v.z()) + "]";
   };
-  const fs::path folder = fs::temp_directory_path() / ("interglow_scan_" + std::to_string(::getpid()));
-  fs::create_directories(folder);
+  const test::TemporaryFolder folder;
   std::ofstream(folder / "scene.toml") << "[wavelengths]\ncenters_nm = [500, 600]\n[material.clay]\nreflectance = 0.6\n"
                                        << "[object.scan]\nmesh = '" << file.string() << "'\nunit_mm = " << unit
                                        << "\nmaterial = 'clay'\npatches = 2000\nclose_holes_mm = 6\n"
@@ -85,7 +84,6 @@ TEST_P(RealScan, BecomesASolvedImage) {
                                        << "\ntarget_mm = " << vector(center) << "\nup = " << vector(up)
                                        << "\nhorizontal_fov_deg = 16\nwidth_px = 32\nheight_px = 32\n";
   const scene::BuiltScene built = scene::build_scene(scene::read_scene_file(folder / "scene.toml"));
-  fs::remove_all(folder);
   const scene::Scene& scene = built.scene;
   const mesh::RemeshReport& remeshed = built.objects.front().remesh;
   EXPECT_NEAR(remeshed.patches, 2000, 200);

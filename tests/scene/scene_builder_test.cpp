@@ -3,13 +3,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <fstream>
 #include <numbers>
 #include <string>
 
 #include "diagnostics/error.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::scene {
 namespace {
@@ -74,16 +74,11 @@ horizontal_fov_deg = 20
 class SceneBuilder : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("interglow_builder_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + "_" +
-               std::to_string(::getpid()));
-    std::filesystem::create_directories(folder_);
     write("cube.obj", kCube);
     write("sheet.obj", "v 0 0 -5\nv 50 0 -5\nv 50 50 -5\nv 0 50 -5\nf 1 2 3 4\n");
     write("ramp.csv", "wavelength_nm,r\n350,0\n700,0.7\n");
     write("light.csv", "wavelength_nm,e\n400,1\n405,1\n700,1\n");
   }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
   void write(const std::string& name, const std::string& text) const { std::ofstream(folder_ / name) << text; }
 
   BuiltScene build(const std::string& from = "", const std::string& to = "") const {
@@ -100,7 +95,7 @@ class SceneBuilder : public testing::Test {
     return "no exception";
   }
 
-  std::filesystem::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 // Triangles with legs 10 and hypotenuse 10 sqrt(2) mm: edges of at most 4 mm need n = ceil(14.142 / 4) = 4 parts.

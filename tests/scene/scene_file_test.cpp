@@ -3,7 +3,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <fstream>
@@ -11,6 +10,7 @@
 #include <string>
 
 #include "diagnostics/error.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::scene {
 namespace {
@@ -115,13 +115,8 @@ spectra_px = [[0, 0], [639, 479]]
 class SceneFile : public testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("interglow_scene_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()) + "_" +
-               std::to_string(::getpid()));
-    std::filesystem::create_directories(folder_);
     for (const char* name : {"red.csv", "matrix.csv", "left.obj", "lamp.obj"}) std::ofstream(folder_ / name) << "x\n";
   }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
 
   SceneDescription parse(const std::string& text) const { return parse_scene(text, folder_ / "scene.toml"); }
 
@@ -153,7 +148,7 @@ class SceneFile : public testing::Test {
         << "for " << to;
   }
 
-  std::filesystem::path folder_;
+  const test::TemporaryFolder folder_;
 };
 
 TEST_F(SceneFile, ReadsEveryKey) {
@@ -345,7 +340,7 @@ TEST_F(SceneFile, ShippedTablesAreFoundByName) {
 
 TEST_F(SceneFile, MissingKeysAreNamed) {
   const auto missing = [&](const std::string& line, const std::string& table, const std::string& key) {
-    EXPECT_THAT(message(line, ""), testing::AllOf(StartsWith(folder_.string()), HasSubstr(": " + table + ": "),
+    EXPECT_THAT(message(line, ""), testing::AllOf(StartsWith(folder_.path().string()), HasSubstr(": " + table + ": "),
                                                   HasSubstr("\"" + key + "\" is missing")));
   };
   missing("mesh = \"left.obj\"", "object.left", "mesh");
@@ -383,7 +378,7 @@ TEST_F(SceneFile, ContradictionsAreNamed) {
   const auto refused_with = [&](const std::string& from, const std::string& to, const std::string& key,
                                 const std::string& sentence) {
     EXPECT_THAT(message(from, to),
-                testing::AllOf(StartsWith(folder_.string()), HasSubstr(": " + key + ": "), HasSubstr(sentence)));
+                testing::AllOf(StartsWith(folder_.path().string()), HasSubstr(": " + key + ": "), HasSubstr(sentence)));
   };
   refused_with("noise_mm = 0.02", "edge_length_mm = 1", "object.left.patches", "together with \"edge_length_mm\"");
   refused_with("remesh = \"none\"", "remesh = \"none\"\npatches = 100", "object.lamp.remesh", "keeps the triangles");
