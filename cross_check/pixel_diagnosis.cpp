@@ -39,17 +39,49 @@ std::vector<char> silhouette_band(const std::vector<double>& reference, int widt
   return band;
 }
 
-double two_sided_p(double z, int batches) {
+/// @param degrees  of freedom; 0: unknown, many
+double two_sided_p(double z, double degrees) {
   const double size = std::abs(z);
-  if (batches < 2) return 2.0 * boost::math::cdf(boost::math::complement(boost::math::normal(), size));
-  return 2.0 * boost::math::cdf(boost::math::complement(boost::math::students_t(batches - 1), size));
+  if (!(degrees > 0.0)) return 2.0 * boost::math::cdf(boost::math::complement(boost::math::normal(), size));
+  return 2.0 * boost::math::cdf(boost::math::complement(boost::math::students_t(degrees), size));
 }
 
-void hold_false_discoveries(PixelDiagnosis& diagnosis, const std::vector<std::size_t>& judged, int batches,
+/// Mean of a pixel's own variance and that of its surroundings, which are `count` pixels with it among them.
+struct PooledVariance {
+  double variance = 0.0;
+  int count = 0;
+
+  /// Degrees of freedom over those of one pixel (Satterthwaite, equal variances): 1 / Σ weight².
+  double more_degrees() const {
+    const double other = 0.5 / count;
+    const double own = 0.5 + other;
+    return 1.0 / (own * own + (count - 1) * other * other);
+  }
+};
+
+PooledVariance pooled_variance(const std::vector<double>& error, const std::vector<char>& use, std::size_t pixel,
+                               int width, int height, int radius) {
+  const int row = static_cast<int>(pixel) / width;
+  const int column = static_cast<int>(pixel) % width;
+  PooledVariance pooled;
+  double sum = 0.0;
+  for (int r = std::max(0, row - radius); r <= std::min(height - 1, row + radius); ++r) {
+    for (int c = std::max(0, column - radius); c <= std::min(width - 1, column + radius); ++c) {
+      const auto p = static_cast<std::size_t>(r) * static_cast<std::size_t>(width) + static_cast<std::size_t>(c);
+      if (use[p] == 0) continue;
+      sum += error[p] * error[p];
+      ++pooled.count;
+    }
+  }
+  pooled.variance = 0.5 * (error[pixel] * error[pixel] + sum / pooled.count);
+  return pooled;
+}
+
+void hold_false_discoveries(PixelDiagnosis& diagnosis, const std::vector<std::size_t>& judged, double degrees,
                             double rate) {
   std::vector<std::pair<double, std::size_t>> p_values;
   p_values.reserve(judged.size());
-  for (const std::size_t pixel : judged) p_values.emplace_back(two_sided_p(diagnosis.z[pixel], batches), pixel);
+  for (const std::size_t pixel : judged) p_values.emplace_back(two_sided_p(diagnosis.z[pixel], degrees), pixel);
   std::sort(p_values.begin(), p_values.end());
   std::size_t last = 0;
   for (std::size_t k = 0; k < p_values.size(); ++k) {
@@ -80,43 +112,61 @@ PixelDiagnosis diagnose(const Comparison& comparison, const DiagnosisParams& par
   diagnosis.z.assign(pixels, 0.0);
   diagnosis.significant.assign(pixels, 0);
   diagnosis.near_silhouette = silhouette_band(reference, candidate.width, candidate.height, params.silhouette_px);
-  std::vector<std::size_t> judged;
-  for (std::size_t p = 0; p < pixels; ++p) {
+  const auto integral = [&](const image::SpectralImage& image, std::size_t p) {
     double value = 0.0;
-    for (std::size_t b = 0; b < bands; ++b) {
-      value +=
-          static_cast<double>(candidate.value[p * bands + b]) * comparison.band_width_nm[static_cast<Eigen::Index>(b)];
-    }
+    for (std::size_t b = 0; b < bands; ++b)
+      value += static_cast<double>(image.value[p * bands + b]) * comparison.band_width_nm[static_cast<Eigen::Index>(b)];
+    return value;
+  };
+  const auto rounding = [&](std::size_t p) { return kStorageRounding * std::abs(reference[p]); };
+  std::vector<std::size_t> judged;
+  diagnosis.judged.assign(pixels, 0);
+  for (std::size_t p = 0; p < pixels; ++p) {
+    if (diagnosis.near_silhouette[p] != 0 || error[p] <= rounding(p)) continue;
+    judged.push_back(p);
+    diagnosis.judged[p] = 1;
+  }
+  const double batch_degrees = comparison.batches - 1.0;
+  double chance_squares = 0.0;
+  double more_degrees = 0.0;
+  diagnosis.error = error;
+  for (std::size_t p = 0; p < pixels; ++p) {
+    const double value = integral(candidate, p);
     const double difference = value - reference[p];
-    const double rounding = kStorageRounding * std::abs(reference[p]);
-    const double least_error = std::max(error[p], rounding);
-    if (least_error > 0.0) diagnosis.z[p] = difference / least_error;
-    if (diagnosis.near_silhouette[p] != 0) continue;
-    if (error[p] > rounding) {
-      judged.push_back(p);
-    } else if (std::abs(difference) > rounding) {
+    if (diagnosis.judged[p] != 0) {
+      const PooledVariance pooled =
+          pooled_variance(error, diagnosis.judged, p, candidate.width, candidate.height, params.noise_px);
+      diagnosis.error[p] = std::sqrt(pooled.variance);
+      more_degrees += pooled.more_degrees();
+      const double degrees = batch_degrees * pooled.more_degrees();
+      chance_squares += degrees > 2.0 ? degrees / (degrees - 2.0) : 1.0;
+    } else if (diagnosis.near_silhouette[p] == 0 && std::abs(difference) > rounding(p)) {
       ++diagnosis.certain_differences;
     }
+    if (comparison.coarser)
+      diagnosis.error[p] = std::hypot(diagnosis.error[p], value - integral(*comparison.coarser, p));
+    diagnosis.error[p] = std::max(diagnosis.error[p], rounding(p));
+    if (diagnosis.error[p] > 0.0) diagnosis.z[p] = difference / diagnosis.error[p];
   }
   diagnosis.judged_pixels = static_cast<int>(judged.size());
-  const double degrees = comparison.batches - 1.0;
-  if (degrees > 2.0) diagnosis.expected_z_rms = std::sqrt(degrees / (degrees - 2.0));
+  if (!judged.empty() && batch_degrees > 2.0)
+    diagnosis.expected_z_rms = std::sqrt(chance_squares / static_cast<double>(judged.size()));
   double squares = 0.0;
   for (const std::size_t p : judged) squares += diagnosis.z[p] * diagnosis.z[p];
   if (!judged.empty()) diagnosis.z_rms = std::sqrt(squares / static_cast<double>(judged.size()));
-  hold_false_discoveries(diagnosis, judged, comparison.batches, params.false_discovery_rate);
+  const double degrees =
+      batch_degrees > 0.0 && !judged.empty() ? batch_degrees * more_degrees / static_cast<double>(judged.size()) : 0.0;
+  hold_false_discoveries(diagnosis, judged, degrees, params.false_discovery_rate);
 
-  std::vector<char> is_judged(pixels, 0);
-  for (const std::size_t p : judged) is_judged[p] = 1;
   double products = 0.0;
   double pairs = 0.0;
   const auto width = static_cast<std::size_t>(candidate.width);
   for (const std::size_t p : judged) {
-    if ((p + 1) % width != 0 && is_judged[p + 1] != 0) {
+    if ((p + 1) % width != 0 && diagnosis.judged[p + 1] != 0) {
       products += diagnosis.z[p] * diagnosis.z[p + 1];
       pairs += 1.0;
     }
-    if (p + width < pixels && is_judged[p + width] != 0) {
+    if (p + width < pixels && diagnosis.judged[p + width] != 0) {
       products += diagnosis.z[p] * diagnosis.z[p + width];
       pairs += 1.0;
     }

@@ -116,7 +116,22 @@ namespace {
 
 using Corners = std::array<Eigen::Vector3d, 3>;
 
+/// Whether a lies on one side of b's plane, up to rounding, with a corner that is clearly off it: an edge that was
+/// computed twice, once for each of two surfaces that meet there, is not where they pass through each other.
+bool stays_on_one_side(const Corners& a, const Corners& b) {
+  const Eigen::Vector3d normal = (b[1] - b[0]).cross(b[2] - b[0]).normalized();
+  double low = 0.0;
+  double high = 0.0;
+  for (const Eigen::Vector3d& corner : a) {
+    const double height = normal.dot(corner - b[0]);
+    low = std::min(low, height);
+    high = std::max(high, height);
+  }
+  return (low >= -kContactRounding_mm) != (high <= kContactRounding_mm);
+}
+
 bool cross(const Corners& a, const Corners& b) {
+  if (stays_on_one_side(a, b) || stays_on_one_side(b, a)) return false;
   std::array<int, 3> twin{-1, -1, -1};  // corner of b that coincides with corner i of a
   int shared = 0;
   for (int i = 0; i < 3; ++i)

@@ -492,14 +492,17 @@ void Gatherer::irradiance(const SurfacePoint& point, double* out) const {
   }
 }
 
-bool Gatherer::touched(const SurfacePoint& point, double distance, double same_cosine) const {
+std::optional<double> Gatherer::gap(const SurfacePoint& point, double distance, double distance_along,
+                                    double same_cosine) const {
   const Impl& impl = *impl_;
-  if (impl.nodes.empty()) return false;
+  std::optional<double> nearest;
+  if (impl.nodes.empty()) return nearest;
+  const double largest = std::max(distance, distance_along);
   std::vector<int> stack{0};
   while (!stack.empty()) {
     const Node& node = impl.nodes[static_cast<std::size_t>(stack.back())];
     stack.pop_back();
-    if ((node.centre - point.position).norm() > node.radius + distance) continue;
+    if ((node.centre - point.position).norm() > node.radius + largest) continue;
     if (node.left >= 0) {
       stack.push_back(node.left);
       stack.push_back(node.right);
@@ -508,21 +511,23 @@ bool Gatherer::touched(const SurfacePoint& point, double distance, double same_c
     for (int k = node.first; k < node.first + node.count; ++k) {
       const auto e = static_cast<std::size_t>(k);
       if (impl.back[e] || impl.face[e] == point.face) continue;
-      if (std::abs(impl.normal[e].dot(impl.position[e] - point.position)) > distance) continue;
-      if ((impl.position[e] - point.position).norm() > impl.radius[e] + distance) continue;
+      const double height = std::abs(impl.normal[e].dot(impl.position[e] - point.position));
+      const double reach = std::max(distance_along, distance * impl.normal[e].cross(point.normal).norm());
+      if (height > std::min(reach, nearest.value_or(reach))) continue;
+      if ((impl.position[e] - point.position).norm() > impl.radius[e] + largest) continue;
       if (point.face >= 0 && impl.object[e] == impl.face_object[static_cast<std::size_t>(point.face)]) {
         if (std::abs(impl.normal[e].dot(point.normal)) > same_cosine) continue;
         bool rises = false;
         const Piece& piece = impl.shape[e];
         for (int i = 0; i < piece.corners; ++i) {
-          rises = rises || point.normal.dot(piece.corner[static_cast<std::size_t>(i)] - point.position) > distance;
+          rises = rises || point.normal.dot(piece.corner[static_cast<std::size_t>(i)] - point.position) > reach;
         }
         if (!rises) continue;
       }
-      return true;
+      nearest = height;
     }
   }
-  return false;
+  return nearest;
 }
 
 }  // namespace interglow::rendering

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <optional>
 
 #include "radiosity/elements.h"
 #include "radiosity/transport.h"
@@ -37,9 +38,12 @@ class Gatherer {
   /// Writes one value a channel. Thread-safe; the same bits for the same point.
   void irradiance(const SurfacePoint& point, double* channels) const;
 
-  /// Whether another surface meets the point within `distance`: one of another object, or one of the same object whose
-  /// normal differs by more than the angle of cosine `same_cosine` and that rises above the point's horizon.
-  bool touched(const SurfacePoint& point, double distance, double same_cosine) const;
+  /// Distance to the plane of another surface that meets the point within `distance`: one of another object, or one of
+  /// the same object whose normal differs by more than the angle of cosine `same_cosine` and that rises above the
+  /// point's horizon. The smallest; nothing if there is none. What runs along the point's own plane meets it within
+  /// `distance_along`; in between the sine of the angle decides.
+  std::optional<double> gap(const SurfacePoint& point, double distance, double distance_along,
+                            double same_cosine) const;
 
  private:
   struct Impl;

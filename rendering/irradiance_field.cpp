@@ -28,8 +28,15 @@ constexpr double kLargestEdgePixels = 24.0;
 constexpr int kMaxLevels = 10;
 // A kink in the middle of an edge departs by four times what the slopes at its ends say, a smooth bend by once.
 constexpr double kGuessSafety = 2.0;
-// How far a point at which surfaces meet is moved into its own face: the irradiance there is the limit from inside.
+// A point at which surfaces meet is moved into its own face by this share of its size: the irradiance there is the
+// limit from inside.
 constexpr double kInset = 1e-3;
+// Surfaces that stop short of each other by less than this share of a pixel, or of a face if that is smaller, meet as
+// well. What is seen through such a gap fades away over some gaps' width, while interpolation would spread it over
+// the face: the point is moved beyond it, by this many gaps.
+constexpr double kSmallGap = 0.1;
+constexpr double kGapsInset = 20.0;
+constexpr double kLargestInset = 0.5;  // of the pixel or face
 
 /// Points that coincide and look the same way share one gather. Rounded, since an edge's middle is computed from both
 /// sides.
@@ -92,7 +99,10 @@ IrradianceField::IrradianceField(const Surface& surface, const Gatherer& gathere
     const double same_cosine =
         surface.smooth(face) ? 0.94 : 1.0 - 1e-6;  // 20 degrees between facets of a smooth surface
     const double edge = surface.face_size_mm(face);
-    if (is_new && !gatherer.touched(at, kInset * edge, same_cosine)) {
+    const double depth = camera.forward.dot(at.position - camera.origin);
+    const double fine = depth > 0.0 ? std::min(edge, camera.pixel_side() * depth) : edge;
+    const std::optional<double> gap = gatherer.gap(at, kSmallGap * fine, kInset * edge, same_cosine);
+    if (is_new && !gap) {
       wanted.push_back(at);
       return next;
     }
@@ -101,7 +111,11 @@ IrradianceField::IrradianceField(const Surface& surface, const Gatherer& gathere
     key.entry[7] = 2 * face + half;
     const auto [own, own_new] = known.try_emplace(key, next);
     if (own_new) {
-      const Vector3d inside = (1.0 - kInset) * weights + kInset * Vector3d::Constant(1.0 / 3.0);
+      const Vector3d third = Vector3d::Constant(1.0 / 3.0);
+      const double way = (surface.point(face, back, {half, third}).position - at.position).norm();
+      const double beyond = std::min(kGapsInset * gap.value_or(0.0), kLargestInset * fine);
+      const double inset = way > 0.0 ? std::clamp(beyond / way, kInset, 1.0) : kInset;
+      const Vector3d inside = (1.0 - inset) * weights + inset * third;
       wanted.push_back(surface.point(face, back, {half, inside}));
     }
     return own->second;

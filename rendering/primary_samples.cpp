@@ -18,9 +18,12 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-// A pixel is divided where the normal at its centre differs by more than this from the mean over its corners: a change
-// of the cosine by 1e-3 is seen by nobody, and a linear change needs no division.
+// A pixel of a smooth surface is divided where the normal at its centre differs by more than this from the mean over
+// its corners: a change of the cosine by 1e-3 is seen by nobody, and a linear change needs no division.
 constexpr double kNormalBend = 1e-3;
+// Flat faces change at their edges and nowhere else: three of them in a pixel may have the middle one's normal on
+// average, but not its share of the pixel. Faces nearer to one plane than this are one.
+constexpr double kFacetBend = 1e-5;
 // The same for depth, in pixel widths at that depth; a jump means a silhouette within one object.
 constexpr double kDepthBend = 1.0;
 constexpr int kDiskSamples = 4;  // per side, for beams with a source disk
@@ -191,6 +194,8 @@ PrimarySamples primary_samples(const scene::Scene& scene, const CameraRays& came
           const int object = probe.sample.side < 0 ? -1 : surface.object(probe.sample.side / 2);
           divide =
               divide || object != middle_object || (object >= 0 && (probe.sample.side % 2) != (middle.sample.side % 2));
+          divide = divide || (object >= 0 && !surface.smooth(probe.sample.side / 2) &&
+                              (probe.normal - middle.normal).norm() > kFacetBend);
           normal += 0.25 * probe.normal;
           depth += 0.25 * probe.depth;
           for (std::size_t b = 0; b < beams; ++b) {

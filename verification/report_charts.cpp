@@ -49,11 +49,9 @@ Json map_image(const std::string& name, const std::string& unit, const SpectralI
 
 /// z of the pixels that the diagnosis judges, sorted.
 std::vector<double> judged_z(const CrossCheck& check) {
-  const Comparison& total = check.comparisons.front();
   std::vector<double> z;
   for (std::size_t p = 0; p < check.diagnosis.z.size(); ++p) {
-    if (check.diagnosis.near_silhouette[p] == 0 && total.reference.integral_standard_error[p] > 0.0)
-      z.push_back(check.diagnosis.z[p]);
+    if (check.diagnosis.judged[p] != 0) z.push_back(check.diagnosis.z[p]);
   }
   std::sort(z.begin(), z.end());
   return z;
@@ -136,9 +134,13 @@ Json z_histogram_section(const CrossCheck& check) {
   return {
       {"type", "chart"},
       {"title", "z of the pixels"},
-      {"text", fmt::format("Difference over standard error of {} pixels away from silhouettes; the outermost bars hold "
-                           "all that lies beyond. Root mean square {:.3f}, by chance {:.3f}.",
-                           z.size(), check.diagnosis.z_rms, check.diagnosis.expected_z_rms)},
+      {"text", fmt::format("Difference over error of {} pixels away from silhouettes; the outermost bars hold all that "
+                           "lies beyond. Root mean square {:.3f}, by chance {:.3f}. The error is the reference's "
+                           "standard error, its variance averaged with that of the pixels around it{}.",
+                           z.size(), check.diagnosis.z_rms, check.diagnosis.expected_z_rms,
+                           check.comparisons.front().coarser
+                               ? ", and the radiosity's change from larger patches, added in squares"
+                               : "")},
       {"x", {{"label", "z [standard errors]"}}},
       {"y", {{"label", "pixels"}}},
       {"series", Json::array({{{"name", "found"}, {"bars", true}, {"x", centre}, {"y", found}},
@@ -178,9 +180,7 @@ Json autocorrelation_section(const CrossCheck& check) {
   const auto index = [&](int row, int column) {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(width) + static_cast<std::size_t>(column);
   };
-  const auto judged = [&](std::size_t p) {
-    return check.diagnosis.near_silhouette[p] == 0 && total.reference.integral_standard_error[p] > 0.0;
-  };
+  const auto judged = [&](std::size_t p) { return check.diagnosis.judged[p] != 0; };
   const std::vector<double>& z = check.diagnosis.z;
   std::vector<double> distance, chance_high, chance_low;
   std::array<std::vector<double>, 2> correlation;

@@ -374,11 +374,8 @@ TEST(Remesh, ArchIsContinuedToThePlaneItStandsOn) {
 
 // Triangles of the plane are as large as the scene, which says nothing about how far a point may be moved.
 TEST(Remesh, ArchStandsOnASheetOfTwoTriangles) {
-  const auto scans = simulate_scan({.scene = SimulatedScene::kArchOnPlane,
-                                    .radius_mm = 10,
-                                    .length_mm = 15,
-                                    .noise_sigma_mm = 0.02,
-                                    .seed = 7});
+  const auto scans = simulate_scan(
+      {.scene = SimulatedScene::kArchOnPlane, .radius_mm = 10, .length_mm = 15, .noise_sigma_mm = 0.02, .seed = 7});
   const TriangleMesh sheet{{{-25, -15, 0}, {25, -15, 0}, {25, 30, 0}, {-25, 30, 0}}, {{0, 1, 2}, {0, 2, 3}}};
   const std::vector<RemeshInput> objects{{"arch", scans[0].scan, {.patches = 800, .close_contact_mm = 1.5}},
                                          {"sheet", sheet, {.patches = 800, .noise_sigma_mm = 0}}};
@@ -401,6 +398,39 @@ TEST(Remesh, SharedArchAtHighNoiseIsWellShaped) {
     EXPECT_EQ(object.report.patch_overlap.crossing_pairs, 0);
     EXPECT_NEAR(object.report.patches, 4000, 400);
     EXPECT_GT(object.report.closed_contact_mm, 95);  // two feet of 50 mm
+  }
+}
+
+TEST(Remesh, SheetsThatMeetAreNotMovedApartByRounding) {
+  // Two sheets of one quad each share the edge x = z = 0, at 60 degrees. What stands on that line stays there, however
+  // the sheets were turned before.
+  for (const double turn : {0.0, 0.3, 1.1}) {
+    const Eigen::AngleAxisd rotation(turn, Vector3d(1, 2, 3).normalized());
+    std::vector<RemeshInput> objects;
+    for (const double side : {-1.0, 1.0}) {
+      TriangleMesh sheet;
+      const Vector3d up(side * 20, 0, 20 * std::sqrt(3.0));
+      const Vector3d ends[] = {{0, -40, 0}, {0, 40, 0}};
+      for (const Vector3d& p : {ends[0], ends[1], Vector3d(ends[1] + up), Vector3d(ends[0] + up)})
+        sheet.points.push_back(rotation * p);
+      if (side < 0)
+        sheet.triangles = {{0, 1, 2}, {0, 2, 3}};
+      else
+        sheet.triangles = {{0, 2, 1}, {0, 3, 2}};
+      objects.push_back({side < 0 ? "left" : "right", sheet, {.edge_length_mm = 8, .noise_sigma_mm = 0}});
+    }
+    const Vector3d along = rotation * Vector3d::UnitY();
+    for (const Remeshed& sheet : remesh(objects)) {
+      int on_line = 0;
+      for (const Vector3d& p : sheet.patches.points) {
+        const double distance = p.cross(along).norm();
+        if (distance > 0.1) continue;
+        ++on_line;
+        EXPECT_LT(distance, 1e-9) << "turned by " << turn;
+      }
+      EXPECT_GT(on_line, 10);
+      EXPECT_EQ(sheet.report.patch_overlap.crossing_pairs, 0);
+    }
   }
 }
 

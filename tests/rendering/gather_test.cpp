@@ -152,8 +152,30 @@ TEST(Gather, PointWhereSurfacesMeetIsTouched) {
   groove.faces = {{0, 1, 2, 3}, {0, 4, 5, 1}};
   const Bench bench(scene_of({groove}), {1.0}, 1e-3);
   const Vector3d normal = Vector3d(1, 0, 1).normalized();
-  EXPECT_TRUE(bench.gatherer.touched({Vector3d(0, 0.5, 0), normal, 0}, 1e-3, 1.0 - 1e-6));
-  EXPECT_FALSE(bench.gatherer.touched({Vector3d(-0.5, 0.5, 0.5), normal, 0}, 1e-3, 1.0 - 1e-6));
+  EXPECT_LE(bench.gatherer.gap({Vector3d(0, 0.5, 0), normal, 0}, 1e-3, 1e-3, 1.0 - 1e-6).value_or(1.0), 1e-15);
+  EXPECT_FALSE(bench.gatherer.gap({Vector3d(-0.5, 0.5, 0.5), normal, 0}, 1e-3, 1e-3, 1.0 - 1e-6).has_value());
+}
+
+TEST(Gather, SurfaceThatEndsBeforeAnotherMeetsIt) {
+  // A sheet stands upright, 0.01 above a floor: at its foot the gap is that wide. A roof at the same distance above a
+  // point of the floor runs along it, and meets it only from nearer.
+  mesh::PatchMesh floor;
+  floor.points = {{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}};
+  floor.faces = {{0, 1, 2, 3}};
+  mesh::PatchMesh sheet;
+  sheet.points = {{0, -1, 0.01}, {0, 1, 0.01}, {0, 1, 1}, {0, -1, 1}};
+  sheet.faces = {{0, 1, 2, 3}};
+  const Bench upright(scene_of({floor, sheet}), {1.0, 1.0}, 1e-3);
+  const SurfacePoint foot{Vector3d(0, 0.5, 0.01), Vector3d::UnitX(), 1};
+  EXPECT_NEAR(upright.gatherer.gap(foot, 0.02, 1e-3, 1.0 - 1e-6).value_or(0.0), 0.01, 1e-15);
+  EXPECT_FALSE(upright.gatherer.gap(foot, 0.005, 1e-3, 1.0 - 1e-6).has_value());
+  mesh::PatchMesh roof = floor;
+  for (Vector3d& point : roof.points) point.z() = 0.01;
+  std::swap(roof.faces[0][1], roof.faces[0][3]);
+  const Bench flat(scene_of({floor, roof}), {1.0, 1.0}, 1e-3);
+  const SurfacePoint below{Vector3d(0.1, 0.2, 0), Vector3d::UnitZ(), 0};
+  EXPECT_FALSE(flat.gatherer.gap(below, 0.02, 1e-3, 1.0 - 1e-6).has_value());
+  EXPECT_TRUE(flat.gatherer.gap(below, 0.02, 0.011, 1.0 - 1e-6).has_value());
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <tbb/global_control.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -100,6 +101,97 @@ TEST(Render, EdgesAreAreaAverages) {
                     ? 0
                     : (share < 0.45 && share == 0.0 ? -1 : images.object[10 * 32 + static_cast<std::size_t>(column)]));
     }
+  }
+}
+
+TEST(Render, FacetsInsideAPixelShowWithTheirShares) {
+  // Three strips of a roof in one pixel, the middle one between the slopes of the others: its normal is their mean, but
+  // the brighter slope fills more of the pixel than the darker one. Edges upright, met to 1 / (2 n²).
+  constexpr double kTilt = 0.01;
+  const double half_mm = 100 * std::tan(5 * kPi / 180);
+  for (const auto& [left, right] : {std::pair{-0.9, 0.3}, {-0.35, 0.8}, {-0.5, 0.5}}) {
+    SCOPED_TRACE(left);
+    scene::Scene scene = empty_scene();
+    scene.camera.width = scene.camera.height = 1;
+    const double x0 = left * half_mm;
+    const double x1 = right * half_mm;
+    const double down = 20 * std::tan(kTilt);
+    scene.objects = {
+        object(test::quad({x0 - 20, -50, -down}, {x0, -50, 0}, {x0, 50, 0}, {x0 - 20, 50, -down})),
+        object(test::quad({x0, -50, 0}, {x1, -50, 0}, {x1, 50, 0}, {x0, 50, 0})),
+        object(test::quad({x1, -50, 0}, {x1 + 20, -50, -down}, {x1 + 20, 50, -down}, {x1, 50, 0})),
+    };
+    // One object: no silhouette among the strips.
+    for (const int other : {1, 2}) {
+      mesh::PatchMesh& all = scene.objects[0].patches;
+      for (mesh::Face face : scene.objects[static_cast<std::size_t>(other)].patches.faces) {
+        for (int& corner : face) corner += static_cast<int>(all.points.size());
+        all.faces.push_back(face);
+      }
+      const auto& points = scene.objects[static_cast<std::size_t>(other)].patches.points;
+      all.points.insert(all.points.end(), points.begin(), points.end());
+    }
+    scene.objects.resize(1);
+    scene.directional_lights = {beam({1, 0, -1})};
+    const radiosity::Elements elements = radiosity::make_elements(scene);
+    const RenderedImages images = render(scene, elements, direct_only(elements), {.samples_per_side = 16});
+    const auto cosine = [](double tilt) { return std::cos(kPi / 4 - tilt); };
+    const double expected =
+        0.5 * (left + 1) * cosine(kTilt) + 0.5 * (right - left) * cosine(0) + 0.5 * (1 - right) * cosine(-kTilt);
+    const double step = cosine(kTilt) - cosine(0);
+    EXPECT_NEAR(images.total.pixel(0, 0)[0] * kPi / 0.8, expected, 2 * step * 0.5 / 256 + 1e-6);
+  }
+}
+
+TEST(Render, SlitsOfNoWidthDoNotLightAGroove) {
+  // A groove of 60 degrees under a sky. Corners on its bottom line stand off the other side by 1.5 or 3 µm here and
+  // there, so that slits far below a pixel open. A point at x from the bottom sees of the other side, of width L, F =
+  // (1 + (L cos 60°
+  // - x) / √(L² + x² - 2 L x cos 60°)) / 2 (crossed strings), and of the sky the rest.
+  constexpr double kWidth_mm = 20.0;
+  constexpr int kRows = 60;
+  constexpr double kRow_mm = 5.0;
+  scene::Scene scene = empty_scene();
+  scene.camera.height = 4;
+  scene.camera.width = 64;
+  scene.camera.horizontal_fov_deg = 11.0;
+  scene.camera.up = Vector3d::UnitY();
+  scene.sky = scene::SkyLight{"sky", VectorXd::Ones(3)};
+  for (const double side : {-1.0, 1.0}) {
+    const Vector3d along(side * 0.5, 0, std::sqrt(0.75));
+    const Vector3d away(side * std::sqrt(0.75), 0, 0.5);  // from the other side
+    mesh::PatchMesh sheet;
+    for (int k = 0; k <= kRows; ++k) {
+      const double back = 0.0015 * ((k + 2) % 3);
+      const Vector3d at(0, (k - 0.5 * kRows) * kRow_mm, 0);
+      sheet.points.push_back(at + back * away);
+      for (const double t : {4.0, kWidth_mm}) sheet.points.push_back(at + t * along);
+      if (k == 0) continue;
+      for (int strip = 0; strip < 2; ++strip) {
+        const int a = 3 * (k - 1) + strip;
+        // Triangles: the corners of a quad would not be in one plane.
+        for (const auto& [p, q, r] : {std::array{a, a + 3, a + 4}, {a, a + 4, a + 1}})
+          sheet.faces.push_back(side < 0 ? mesh::Face{p, q, r, -1} : mesh::Face{p, r, q, -1});
+      }
+    }
+    scene.objects.push_back(object(sheet));
+  }
+  const radiosity::Elements elements = radiosity::make_elements(scene);
+  const RenderedImages images =
+      render(scene, elements, direct_only(elements), {.samples_per_side = 16, .gather_tolerance = 1e-4});
+  const double reach = std::tan(scene.camera.horizontal_fov_deg * kPi / 360);
+  for (int column = 0; column < 64; ++column) {
+    constexpr int kSteps = 400;
+    double expected = 0.0;
+    for (int step = 0; step < kSteps; ++step) {
+      const double slope = reach * std::abs(2.0 * (column + (step + 0.5) / kSteps) / 64 - 1.0);
+      // (x/2, √¾ x) on the ray: x / 2 = slope (100 - √¾ x).
+      const double x = slope * 100 / (0.5 + slope * std::sqrt(0.75));
+      const double seen = 0.5 * (1 + (0.5 * kWidth_mm - x) / std::sqrt(kWidth_mm * kWidth_mm + x * x - kWidth_mm * x));
+      expected += 0.8 * (1 - seen) / kSteps;
+    }
+    // The slits themselves are dark: up to 2.6 µm of the 300 µm of the pixels beside them.
+    EXPECT_NEAR(images.re.pixel(1, column)[0], expected, 0.012 * expected) << "column " << column;
   }
 }
 
