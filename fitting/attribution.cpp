@@ -114,7 +114,8 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
     const Evaluation moved_apart = gap.evaluate(there, {}, progress);
     if (moved_apart.channels.cols() == here.channels.cols()) {
       add("contact gap", fmt::format("{:.2f} mm (2 % of the first object)", gap_mm),
-          of_w * ((moved_apart.channels - moved_apart.direct) - (here.channels - here.direct)));
+          (moved_apart.direct - here.direct) +
+              of_w * ((moved_apart.channels - moved_apart.direct) - (here.channels - here.direct)));
     }
   }
   add("light tilt", "1 degree across", kDegree * here.derivative[kLightU]);

@@ -37,7 +37,7 @@ struct Attribution {
 /// For each cause the change of the picture is computed and appended to the compressed residuals, where it costs no
 /// fit: to first order, the shift of w that it makes, how unlike w it is, and how much of it the residuals hold.
 /// Causes: bounces that the model leaves out or the capture lacks, a gap at the contact, light tilt, reflectance, veil,
-/// offset, misregistration, blur. A gap needs form factors of its own; only its indirect light is taken.
+/// offset, misregistration, blur. A gap needs form factors of its own.
 ///
 /// @param model  its bounces are changed and restored
 Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const SceneFit& fit, const FitParams& params,
