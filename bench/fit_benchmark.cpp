@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Time by part and peak memory of one joint fit with its uncertainty.
-//   fit_benchmark [--side 512] [--bands 61] [--around 16] [--along 8] [--finer 2]
+//   fit_benchmark [--side 512] [--bands 61] [--around 16] [--along 8]
 #include <fmt/format.h>
 #include <sys/resource.h>
 
@@ -45,12 +45,10 @@ class Clock {
 int main(int argc, char** argv) {
   CLI::App app("One joint fit");
   test::FitSceneParams scene{.around = 16, .along = 8, .bands = 61, .side_px = 512, .fluorescent = true};
-  int finer = 2;
   app.add_option("--side", scene.side_px);
   app.add_option("--bands", scene.bands);
   app.add_option("--around", scene.around);
   app.add_option("--along", scene.along);
-  app.add_option("--finer", finer);
   CLI11_PARSE(app, argc, argv);
 
   Clock clock;
@@ -58,9 +56,9 @@ int main(int argc, char** argv) {
   fitting::FitState truth;
   {
     test::FitSceneParams fine = scene;
-    fine.around *= finer;
-    fine.along *= finer;
-    const fitting::ForwardModel model(test::half_cylinders(fine), {});
+    fine.around += 3;
+    const fitting::ForwardModel model(test::half_cylinders(fine),
+                                      {.mesh = fitting::FitMeshParams{.most_turn_deg = 2.5, .contact_halvings = 3}});
     truth = model.initial_state();
     truth.blur_px = 0.8;
     truth.w = 1.2;

@@ -36,7 +36,9 @@ int main(int argc, char** argv) {
   app.add_option("--light", light_deg);
   app.add_option("--around", params.scene.around);
   app.add_option("--along", params.scene.along);
-  app.add_option("--finer", params.finer);
+  app.add_option("--most-turn", params.mesh.most_turn_deg);
+  app.add_option("--contact-halvings", params.mesh.contact_halvings);
+  app.add_option("--captured-around", params.captured_around);
   app.add_option("--bands", params.scene.bands);
   app.add_option("--side", params.scene.side_px);
   app.add_option("--seed", params.seed);
@@ -48,8 +50,8 @@ int main(int argc, char** argv) {
       std::fflush(stdout);
     };
   }
-  fmt::print("{} × {} faces fitted, {} times finer captured, {} px, {} bands\n", params.scene.around,
-             params.scene.along, params.finer, params.scene.side_px, params.scene.bands);
+  fmt::print("turns up to {}°, {} halvings at contacts; captured twice as fine; {} px, {} bands\n",
+             params.mesh.most_turn_deg, params.mesh.contact_halvings, params.scene.side_px, params.scene.bands);
   if (starts > 0) {
     const test::StartStudy study = test::study_starts(params, starts, turn_deg, distance_share, light_deg);
     fmt::print("{:.0f}° and {:.0f} % off: {} arrive\n", turn_deg, 100.0 * distance_share,

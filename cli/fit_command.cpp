@@ -91,7 +91,9 @@ int fit(const Options& options, const Session& session) {
   fitting::ForwardModel model(built.scene, forward, session.progress);
   const fitting::FitState start = model.initial_state();
   const fitting::SceneFit found = fitting::fit_scene(model, capture, start, params, session.progress);
-  const fitting::Uncertainty uncertainty = fitting::examine(model, found, params, {}, session.progress);
+  const fitting::ForwardModel coarse(built.scene, fitting::coarser(forward), session.progress);
+  const fitting::Uncertainty uncertainty =
+      fitting::examine(model, found, params, {.coarser = &coarse}, session.progress);
   const fitting::Attribution attribution =
       fitting::attribute_w(model, forward, found, params, uncertainty, session.progress);
   const image::SpectralImage fitted = fitting::picture(model, found.state, model.evaluate(found.state, {}));

@@ -38,13 +38,14 @@ Json estimate_row(const ParameterEstimate& one) {
   row.push_back(step ? Json("see below") : Json(fmt::format("{:.6g}", one.value)));
   row.push_back(unit);
   if (!one.determined) {
-    row.insert(row.end(), {kNotDetermined, kNotDetermined, kNotDetermined, "–"});
+    row.insert(row.end(), {kNotDetermined, kNotDetermined, kNotDetermined, kNotDetermined, "–"});
     return row;
   }
   row.push_back(fmt::format("{:.2g}", factor * one.sd));
   row.push_back(step ? Json("–")
                      : Json(fmt::format("{:.6g} to {:.6g}", one.value - 1.96 * one.sd, one.value + 1.96 * one.sd)));
   row.push_back(fmt::format("{:.2g}", factor * one.model_sd));
+  row.push_back(fmt::format("{:+.2g}", factor * one.mesh_shift));
   row.push_back(fmt::format("{:+.1f}", one.half_difference_sigmas));
   return row;
 }
@@ -57,11 +58,14 @@ Json estimates_section(const fitting::Uncertainty& uncertainty) {
       {"title", "Estimates"},
       {"text",
        "Standard deviations in sandwich form: from the scatter of small squares of the picture, so that they hold for "
-       "residuals that are correlated or larger than the noise. Beside them what noise alone would give, and the "
-       "difference of the fits to the two halves of a chequered picture, in its own standard deviation. They do not "
+       "residuals that are correlated or larger than the noise. Beside them what noise alone would give, by "
+       "how much the width of the patches moves the value (from patches twice as wide; in the standard deviation), and "
+       "the difference of the fits to the two halves of a chequered picture, in its own standard deviation. They do "
+       "not "
        "hold for what the model lacks: see the causes below."},
       {"columns",
-       {"Parameter", "Value", "Unit", "Standard deviation", "95 % interval", "By noise alone", "Halves differ [σ]"}},
+       {"Parameter", "Value", "Unit", "Standard deviation", "95 % interval", "By noise alone", "By patches",
+        "Halves differ [σ]"}},
       {"rows", rows},
       {"show", 30}};
 }

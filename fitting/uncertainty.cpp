@@ -25,6 +25,7 @@ constexpr double kRounding = 1e-7;
 /// A parameter takes part in a direction with at least this share of its length.
 constexpr double kTakesPart = 0.25;
 constexpr double kGrey = 0.01;             ///< relative variation of a reflectance that counts as none
+constexpr double kRichardson = 3.0;        ///< 2² - 1: order 2 in the width of patches
 constexpr double kInterval95 = 3.8414588;  ///< χ² with one degree of freedom
 
 MatrixXd with_priors(const SceneFit& fit, const FitParams& params) {
@@ -106,6 +107,19 @@ Spread spread_of(const MatrixXd& seen, const SceneFit& fit, const VectorXd& rang
   const MatrixXd vectors = ranges.asDiagonal() * root.transpose() * eigen.eigenvectors();
   return {vectors * values.asDiagonal() * vectors.transpose(),
           ranges.asDiagonal() * root.transpose() * root * ranges.asDiagonal()};
+}
+
+/// Shift of the free parameters by a model's error, (H + B)⁻¹ Jᵀ W error.
+VectorXd mesh_shift_of(const ForwardModel& model, const ForwardModel& coarser, const SceneFit& fit,
+                       const FitParams& params, const Spread& spread, const Progress& progress) {
+  const auto count = static_cast<Index>(fit.free.size());
+  const Evaluation here = model.evaluate(fit.state, fit.free, progress);
+  const Evaluation coarse = coarser.evaluate(fit.state, {}, progress);
+  if (coarse.channels.cols() != here.channels.cols()) return VectorXd::Zero(count);
+  const CompressedAt at =
+      compress(model, fit.data, fit.state, here, fit.free, params, {(here.channels - coarse.channels) / kRichardson});
+  const MatrixXd& triangle = at.all.shared_triangle;
+  return spread.by_weights * (triangle.leftCols(count).transpose() * triangle.col(count + 1));
 }
 
 /// What the scene leaves open whatever is captured.
@@ -227,6 +241,15 @@ const ParameterEstimate* Uncertainty::find(int parameter) const {
   return nullptr;
 }
 
+ForwardParams coarser(const ForwardParams& params) {
+  ForwardParams result = params;
+  if (result.mesh) {
+    result.mesh->most_turn_deg = std::min(90.0, 2.0 * result.mesh->most_turn_deg);
+    result.mesh->contact_halvings = std::max(0, result.mesh->contact_halvings - 1);
+  }
+  return result;
+}
+
 Subspace split_directions(const MatrixXd& triangle, const VectorXd& ranges, double least_strength) {
   const Index count = ranges.size();
   const Eigen::JacobiSVD<MatrixXd> svd(triangle.leftCols(count) * ranges.asDiagonal(), Eigen::ComputeFullV);
@@ -255,7 +278,10 @@ Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitPar
   const Subspace space = split_directions(seen, ranges, excess / params.weak_share);
   const MatrixXd basis = ranges.asDiagonal() * space.strong;
   const Spread spread = spread_of(seen, fit, ranges, open);
-  result.covariance = spread.covariance;
+  const VectorXd mesh_shift = params.coarser == nullptr
+                                  ? VectorXd::Zero(count)
+                                  : mesh_shift_of(model, *params.coarser, fit, fit_params, spread, progress);
+  result.covariance = spread.covariance + mesh_shift * mesh_shift.transpose();
   result.correlation = MatrixXd::Zero(count, count);
   for (Index i = 0; i < count; ++i) {
     for (Index j = 0; j < count; ++j)
@@ -288,6 +314,7 @@ Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitPar
     one.value = value_of(fit.state, one.parameter);
     one.sd = std::sqrt(result.covariance(k, k));
     one.model_sd = std::sqrt(spread.by_weights(k, k));
+    one.mesh_shift = mesh_shift[k];
     one.determined =
         one.sd <= params.weak_share * ranges[k] && !(one.parameter == kBlur && fit.state.blur_px <= kLeastBlur + 1e-9);
     bool named = one.determined;

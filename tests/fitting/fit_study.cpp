@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <random>
 
@@ -21,11 +22,16 @@ using fitting::ForwardModel;
 constexpr double kDegree = std::numbers::pi / 180.0;
 constexpr double kCounts = 3500.0;  ///< of the brightest value
 
-FitSceneParams finer(const StudyParams& params) {
+/// What the captures are simulated with.
+std::unique_ptr<ForwardModel> finer_model(const StudyParams& params) {
   FitSceneParams fine = params.scene;
-  fine.around *= params.finer;
-  fine.along *= params.finer;
-  return fine;
+  fine.around = params.captured_around;
+  fine.along = params.scene.along + 1;
+  fitting::FitMeshParams mesh = params.mesh;
+  mesh.most_turn_deg *= 0.5;
+  mesh.contact_halvings += 1;
+  mesh.most_faces = 100000;
+  return std::make_unique<ForwardModel>(half_cylinders(fine), fitting::ForwardParams{.mesh = mesh});
 }
 
 /// What a 12-bit camera makes of the model's picture.
@@ -38,8 +44,8 @@ fitting::Capture captured(const ForwardModel& model, const FitState& state, std:
   std::normal_distribution<double> normal;
   for (float& value : capture.image.value) {
     const double counts = static_cast<double>(value);
-    value = static_cast<float>(
-        std::round(counts + std::sqrt(1.5 * 1.5 + 0.25 * std::max(counts, 0.0)) * normal(random)));
+    value =
+        static_cast<float>(std::round(counts + std::sqrt(1.5 * 1.5 + 0.25 * std::max(counts, 0.0)) * normal(random)));
   }
   return capture;
 }
@@ -47,8 +53,7 @@ fitting::Capture captured(const ForwardModel& model, const FitState& state, std:
 /// Gains that bring the brightest value to a 12-bit camera's range.
 void expose(const ForwardModel& model, FitState& state) {
   const image::SpectralImage picture = fitting::picture(model, state, model.evaluate(state, {}));
-  state.gain.setConstant(
-      kCounts / static_cast<double>(*std::max_element(picture.value.begin(), picture.value.end())));
+  state.gain.setConstant(kCounts / static_cast<double>(*std::max_element(picture.value.begin(), picture.value.end())));
 }
 
 VectorXd no_step(const FitState& state) { return VectorXd::Zero(fitting::kFirstScale + state.scale.size()); }
@@ -76,13 +81,13 @@ VectorXd error_of(const FitState& truth, const FitState& found) {
 
 StartStudy study_starts(const StudyParams& params, int starts, double turn_deg, double distance_share,
                         double light_deg) {
-  const ForwardModel model(half_cylinders(params.scene), {});
+  const ForwardModel model(half_cylinders(params.scene), {.mesh = params.mesh});
   std::mt19937_64 random(params.seed);
   FitState truth = model.initial_state();
   truth.blur_px = 0.7;
   truth.w = 1.2;
   expose(model, truth);
-  const fitting::Capture capture = captured(ForwardModel(half_cylinders(finer(params)), {}), truth, random);
+  const fitting::Capture capture = captured(*finer_model(params), truth, random);
   fitting::FitParams near;
   near.staged = false;
   const fitting::SceneFit best = fitting::fit_scene(model, capture, truth, near);
@@ -114,8 +119,9 @@ StartStudy study_starts(const StudyParams& params, int starts, double turn_deg, 
 }
 
 std::vector<Covered> study_intervals(const StudyParams& params, int captures) {
-  const ForwardModel model(half_cylinders(params.scene), {});
-  const ForwardModel fine(half_cylinders(finer(params)), {});
+  const ForwardModel model(half_cylinders(params.scene), {.mesh = params.mesh});
+  const ForwardModel coarse(half_cylinders(params.scene), fitting::coarser({.mesh = params.mesh}));
+  const auto fine = finer_model(params);
   std::mt19937_64 random(params.seed);
   const auto between = [&](double low, double high) {
     return low + (high - low) * std::generate_canonical<double, 53>(random);
@@ -136,7 +142,7 @@ std::vector<Covered> study_intervals(const StudyParams& params, int captures) {
     expose(model, truth);
     for (double& gain : truth.gain) gain *= between(0.8, 1.0);
     for (double& offset : truth.offset) offset = between(0.0, 0.005) * kCounts;
-    const fitting::Capture capture = captured(fine, truth, random);
+    const fitting::Capture capture = captured(*fine, truth, random);
 
     VectorXd away = no_step(truth);
     away.segment<3>(fitting::kTurnX) = 0.5 * kDegree * random_direction(random);
@@ -144,7 +150,7 @@ std::vector<Covered> study_intervals(const StudyParams& params, int captures) {
     away[fitting::kShiftZ] = between(-2.0, 2.0);
     away[fitting::kW] = between(-0.1, 0.1);
     const fitting::SceneFit fit = fitting::fit_scene(model, capture, fitting::moved(truth, away), near);
-    const fitting::Uncertainty found = fitting::examine(model, fit, near, {.profile = false});
+    const fitting::Uncertainty found = fitting::examine(model, fit, near, {.profile = false, .coarser = &coarse});
     const VectorXd error = error_of(truth, fit.state);
     std::string line = fmt::format("capture {}: χ² {:.3f}, {} iterations ({}), error / deviation", n, fit.chi_square,
                                    fit.stages.back().iterations, fit.stages.back().end);
@@ -161,7 +167,7 @@ std::vector<Covered> study_intervals(const StudyParams& params, int captures) {
       ++result[k].determined;
       result[k].covered += std::abs(z) <= 1.959964 ? 1 : 0;
       result[k].z_square += z * z;
-      line += fmt::format(" {:.2f}", z);
+      line += fmt::format(" {:.2f} ({:.1f})", z, one.mesh_shift / one.sd);
     }
     if (params.report) params.report(line);
   }

@@ -14,8 +14,12 @@
 namespace interglow::test {
 
 struct StudyParams {
-  FitSceneParams scene{.around = 10, .along = 6, .bands = 8, .side_px = 48, .fluorescent = true};
-  int finer = 2;  ///< faces of the captured mesh over those of the fitted one, each way
+  FitSceneParams scene{.around = 10, .along = 3, .bands = 8, .side_px = 48, .fluorescent = true};
+  /// How the fitted model makes its faces finer.
+  fitting::FitMeshParams mesh{};
+  /// Of the captured scene: this many faces around, made twice as fine as the fitted ones, no corner of which they
+  /// share.
+  int captured_around = 14;
   std::uint64_t seed = 1;
   /// Called after every fit with a line about it.
   std::function<void(const std::string&)> report{};

@@ -78,7 +78,8 @@ TEST(SceneFit, FindsTheStateThatAPictureWasMadeWith) {
   // The model's own picture without noise: the optimum is exactly known, and its cost is 0. The gain is held, as light
   // along parallel cylinders trades with it.
   const ForwardModel model(
-      test::half_cylinders({.around = 6, .along = 3, .bands = 2, .side_px = 24, .fluorescent = false}), {.mesh = std::nullopt});
+      test::half_cylinders({.around = 6, .along = 3, .bands = 2, .side_px = 24, .fluorescent = false}),
+      {.mesh = std::nullopt});
   FitState truth = model.initial_state();
   truth.w = 1.2;
   truth.gain.setConstant(8000.0);
@@ -119,7 +120,8 @@ TEST(SceneFit, HasTheSameBitsOnOneAndOnTwoThreads) {
 }
 
 TEST(SceneFit, CapturesOfAnotherSizeOrOtherBandsAreRefused) {
-  const ForwardModel model(test::half_cylinders({.around = 6, .along = 3, .bands = 4, .side_px = 12}), {.mesh = std::nullopt});
+  const ForwardModel model(test::half_cylinders({.around = 6, .along = 3, .bands = 4, .side_px = 12}),
+                           {.mesh = std::nullopt});
   const auto message = [&](int bands, int side) -> std::string {
     const Capture capture =
         test::simulated_capture(test::half_cylinders({.around = 6, .along = 3, .bands = bands, .side_px = side}), {});

@@ -26,7 +26,7 @@ struct Fitted {
   Uncertainty uncertainty;
 
   Fitted(const scene::Scene& scene, const FitParams& with, const test::CaptureOptions& options = {})
-      : model(scene, {}),
+      : model(scene, {.mesh = {}}),
         params(with),
         fit(fit_scene(model, test::simulated_capture(scene, options), model.initial_state(), with)),
         uncertainty(examine(model, fit, with, {.profile = false})) {}
@@ -62,7 +62,7 @@ TEST(Uncertainty, WithTheGainKnownTheMirroredLightIsListed) {
   params.gain = false;
   test::CaptureOptions options;
   options.scale = 8000.0;
-  const ForwardModel model(scene, {});
+  const ForwardModel model(scene, {.mesh = {}});
   FitState start = model.initial_state();
   start.gain.setConstant(8000.0);
   const SceneFit fit = fit_scene(model, test::simulated_capture(scene, options), start, params);
