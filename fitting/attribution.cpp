@@ -108,7 +108,7 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
     double gap_mm = 0.0;
     const scene::Scene apart = with_gap(model.scene(), 0.02, gap_mm);
     ForwardParams same_faces = forward;
-    same_faces.mesh.reset();
+    if (same_faces.mesh) same_faces.mesh = FitMeshParams{.most_turn_deg = 90.0, .contact_halvings = 0};
     const ForwardModel gap(apart, same_faces, progress);
     FitState there = state;
     const Evaluation moved_apart = gap.evaluate(there, {}, progress);

@@ -8,7 +8,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <numeric>
 
 #include "radiosity/beam_view.h"
@@ -166,6 +165,7 @@ void orient(Outline& outline) {
 void integrate(const Triangles& triangles, const Outline& part, const PlaneWeights& weights,
                const std::array<Vector3d, 3>& at, bool back, Fragment& fragment) {
   const auto& n = triangles.normal[static_cast<std::size_t>(fragment.triangle)];
+  const auto& of = triangles.weights[static_cast<std::size_t>(fragment.triangle)];
   for (std::size_t k = 2; k < part.size(); ++k) {
     const std::array<Vector2d, 3> corner{part[0], part[k - 1], part[k]};
     const double area = 0.5 * cross(corner[1] - corner[0], corner[2] - corner[0]);
@@ -174,8 +174,9 @@ void integrate(const Triangles& triangles, const Outline& part, const PlaneWeigh
     for (std::size_t side = 0; side < 3; ++side) {
       const Vector2d w = in_space(weights(0.5 * (corner[side] + corner[(side + 1) % 3])), at);
       const double w0 = 1.0 - w.x() - w.y();
-      const std::array<double, 6> shape{w0 * (2.0 * w0 - 1.0), w.x() * (2.0 * w.x() - 1.0), w.y() * (2.0 * w.y() - 1.0),
-                                        4.0 * w0 * w.x(),      4.0 * w.x() * w.y(),         4.0 * w.y() * w0};
+      const Vector3d h = w0 * of[0] + w.x() * of[1] + w.y() * of[2];
+      const std::array<double, 6> shape{h[0] * (2.0 * h[0] - 1.0), h[1] * (2.0 * h[1] - 1.0), h[2] * (2.0 * h[2] - 1.0),
+                                        4.0 * h[0] * h[1],         4.0 * h[1] * h[2],         4.0 * h[2] * h[0]};
       for (std::size_t s = 0; s < 6; ++s) fragment.shape[s] += area / 3.0 * shape[s];
       fragment.normal += area / 3.0 * (w0 * n[0] + w.x() * n[1] + w.y() * n[2]).normalized();
     }
@@ -191,136 +192,6 @@ void for_chunks(std::size_t count, const Work& work) {
 }
 
 }  // namespace
-
-Triangles make_triangles(const scene::Scene& scene, const radiosity::Elements& elements,
-                         const rendering::Surface& surface, int most_cuts) {
-  const radiosity::Faces& faces = elements.faces;
-  std::vector<int> first_face;
-  int first = 0;
-  for (const scene::Object& object : scene.objects) {
-    first_face.push_back(first);
-    first += static_cast<int>(object.patches.faces.size());
-  }
-  // Per half of each face: the triangles that it is cut into, by the weights of their corners.
-  using Weights = std::array<Vector3d, 3>;
-  std::vector<std::array<std::vector<Weights>, 2>> cuts(static_cast<std::size_t>(faces.size()));
-  std::vector<Vector3d> middle(cuts.size());
-  std::vector<double> radius(cuts.size(), 0.0);
-  for (std::size_t f = 0; f < cuts.size(); ++f) {
-    middle[f] = elements.centroid.row(elements.front_element[f]);
-    for (int k = 0; k < mesh::corner_count(faces.corners[f]); ++k)
-      radius[f] = std::max(radius[f], (surface.corner(static_cast<int>(f), k) - middle[f]).norm());
-  }
-  tbb::parallel_for(std::size_t{0}, cuts.size(), [&](std::size_t f) {
-    std::vector<std::size_t> near;
-    const Vector3d normal = surface.face_normal(static_cast<int>(f));
-    for (std::size_t g = 0; g < cuts.size() && most_cuts > 0; ++g) {
-      if (g == f || (middle[g] - middle[f]).norm() > radius[g] + 3.0 * radius[f]) continue;
-      if (faces.object[g] != faces.object[f] || normal.dot(surface.face_normal(static_cast<int>(g))) < 0.5)
-        near.push_back(g);
-    }
-    for (int half = 0; half < surface.triangles(static_cast<int>(f)); ++half) {
-      const std::array<int, 3> which = rendering::Surface::corners(half);
-      const auto place = [&](const Vector3d& w) -> Vector3d {
-        return w[0] * surface.corner(static_cast<int>(f), which[0]) +
-               w[1] * surface.corner(static_cast<int>(f), which[1]) +
-               w[2] * surface.corner(static_cast<int>(f), which[2]);
-      };
-      std::vector<std::pair<Weights, int>> stack{{{Vector3d::UnitX(), Vector3d::UnitY(), Vector3d::UnitZ()}, 0}};
-      while (!stack.empty()) {
-        const auto [w, level] = stack.back();
-        stack.pop_back();
-        const Vector3d centre = place((w[0] + w[1] + w[2]) / 3.0);
-        double size = 0.0;
-        for (const Vector3d& corner : w) size = std::max(size, (place(corner) - centre).norm());
-        bool close = false;
-        for (std::size_t k = 0; k < near.size() && level < most_cuts && !close; ++k) {
-          if ((middle[near[k]] - centre).norm() > radius[near[k]] + 2.0 * size) continue;
-          const auto g = static_cast<int>(near[k]);
-          const rendering::FacePoint at = surface.locate(g, centre);
-          const std::array<int, 3> other = rendering::Surface::corners(at.half);
-          const Vector3d point = at.weights[0] * surface.corner(g, other[0]) +
-                                 at.weights[1] * surface.corner(g, other[1]) +
-                                 at.weights[2] * surface.corner(g, other[2]);
-          close = (point - centre).norm() < 2.0 * size;
-        }
-        if (!close) {
-          cuts[f][static_cast<std::size_t>(half)].push_back(w);
-          continue;
-        }
-        const Vector3d m01 = 0.5 * (w[0] + w[1]), m12 = 0.5 * (w[1] + w[2]), m20 = 0.5 * (w[2] + w[0]);
-        for (const Weights& part :
-             {Weights{w[0], m01, m20}, Weights{m01, w[1], m12}, Weights{m20, m12, w[2]}, Weights{m12, m20, m01}}) {
-          stack.emplace_back(part, level + 1);
-        }
-      }
-    }
-  });
-
-  Triangles result;
-  result.faces.points = faces.points;
-  std::map<std::pair<int, int>, std::pair<int, int>> edges;  // directed edge to triangle and its edge
-  std::map<std::array<double, 3>, int> made;                 // points within faces, by position
-  for (int face = 0; face < faces.size(); ++face) {
-    const auto f = static_cast<std::size_t>(face);
-    const auto object = static_cast<std::size_t>(faces.object[f]);
-    const Vector3d face_normal = surface.face_normal(face);
-    const auto& normals = scene.objects[object].patches.corner_normals;
-    if (face == first_face[object]) made.clear();  // objects share no points
-    for (int half = 0; half < surface.triangles(face); ++half) {
-      const std::array<int, 3> which = rendering::Surface::corners(half);
-      for (const Weights& weights : cuts[f][static_cast<std::size_t>(half)]) {
-        const int index = static_cast<int>(result.face.size());
-        std::array<Vector3d, 3> corner;
-        std::array<Vector3d, 3> normal;
-        mesh::Face as_face{0, 0, 0, -1};
-        for (std::size_t k = 0; k < 3; ++k) {
-          const Vector3d& w = weights[k];
-          int whole = -1;
-          corner[k] = Vector3d::Zero();
-          Vector3d sum = Vector3d::Zero();
-          for (std::size_t c = 0; c < 3; ++c) {
-            const auto at = static_cast<std::size_t>(which[c]);
-            const double share = w[static_cast<Eigen::Index>(c)];
-            if (share == 1.0) whole = faces.corners[f][at];
-            corner[k] += share * surface.corner(face, which[c]);
-            if (!normals.empty()) sum += share * normals[static_cast<std::size_t>(face - first_face[object])][at];
-          }
-          normal[k] = normals.empty() ? face_normal : Vector3d(sum.normalized());
-          if (whole < 0) {
-            const auto [found, is_new] = made.try_emplace({corner[k].x(), corner[k].y(), corner[k].z()},
-                                                          static_cast<int>(result.faces.points.size()));
-            if (is_new) result.faces.points.push_back(corner[k]);
-            whole = found->second;
-          } else {
-            corner[k] = faces.points[static_cast<std::size_t>(whole)];
-          }
-          as_face[k] = whole;
-        }
-        result.face.push_back(face);
-        result.half.push_back(half);
-        result.weights.push_back(weights);
-        result.corner.push_back(corner);
-        result.normal.push_back(normal);
-        result.face_normal.push_back(face_normal);
-        result.neighbour.push_back({-1, -1, -1});
-        result.faces.corners.push_back(as_face);
-        result.faces.object.push_back(faces.object[f]);
-        for (std::size_t k = 0; k < 3; ++k) {
-          const int a = as_face[k];
-          const int b = as_face[(k + 1) % 3];
-          if (const auto other = edges.find({b, a}); other != edges.end()) {
-            result.neighbour[static_cast<std::size_t>(index)][k] = other->second.first;
-            result.neighbour[static_cast<std::size_t>(other->second.first)]
-                            [static_cast<std::size_t>(other->second.second)] = index;
-          }
-          edges[{a, b}] = {index, static_cast<int>(k)};
-        }
-      }
-    }
-  }
-  return result;
-}
 
 CameraView camera_view(const Triangles& triangles, const LensCamera& camera) {
   CameraView view;

@@ -9,6 +9,7 @@
 
 #include "diagnostics/progress.h"
 #include "fitting/lens_camera.h"
+#include "fitting/triangles.h"
 #include "radiosity/elements.h"
 #include "rendering/surface.h"
 
@@ -16,32 +17,13 @@ namespace interglow::fitting {
 
 using Outline = std::vector<Eigen::Vector2d>;  ///< of a convex polygon, counter-clockwise
 
-/// Faces as triangles: a quad is two, in the order of rendering::Surface's halves. Those near another object are cut
-/// into smaller ones, as irradiance changes fast there, and jumps at a contact.
-struct Triangles {
-  std::vector<int> face;
-  std::vector<int> half;
-  std::vector<std::array<Eigen::Vector3d, 3>> weights;  ///< of the corners in the face's half
-  std::vector<std::array<Eigen::Vector3d, 3>> corner;   ///< [mm]
-  std::vector<std::array<Eigen::Vector3d, 3>> normal;   ///< unit, of the smooth surface at the corners, front side
-  std::vector<Eigen::Vector3d> face_normal;             ///< unit
-  std::vector<std::array<int, 3>> neighbour;            ///< across edges 01, 12, 20, of the same object; -1: none
-  radiosity::Faces faces;                               ///< the triangles as faces, for views of them
-  std::size_t size() const { return face.size(); }
-};
-
-/// @param most_cuts  times that a triangle is cut in four, until it is smaller than its distance to another object, or
-/// to a part of its own that is turned by more than 60 degrees. Cost O(triangles × faces).
-Triangles make_triangles(const scene::Scene& scene, const radiosity::Elements& elements,
-                         const rendering::Surface& surface, int most_cuts);
-
 /// A part of a triangle within one pixel.
 struct Fragment {
   int pixel = 0;  ///< row × width + column
   int triangle = 0;
   double area = 0.0;  ///< [px²]
-  /// Integrals over the part [px²]: of the six quadratic shape functions (corners 0, 1, 2, middles of edges 01, 12,
-  /// 20), and of the smooth unit normal on the side that is seen.
+  /// Integrals over the part [px²]: of the six quadratic shape functions of the face's half (corners 0, 1, 2, middles
+  /// of edges 01, 12, 20), and of the smooth unit normal on the side that is seen.
   std::array<double, 6> shape{};
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();
 };

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "diagnostics/error.h"
@@ -31,8 +32,9 @@ constexpr double kLightStep = 2e-5;
 /// Motion in the picture for differences of exact coverage [px].
 constexpr double kPictureStep = 2e-3;
 constexpr int kMostBounces = 10000;
-/// Triangles near another object are cut in four up to three times: to an eighth of the patches.
-constexpr int kMostCuts = 0;
+/// Edges of outlines farther than this from the smooth surfaces are halved, in sizes of the scene: a polygon within a
+/// circle by a share s of its radius shifts the field of view by 4 s where objects are shallow.
+constexpr double kOutline = 3e-5;
 
 /// A step of a camera parameter for differences of exact coverage.
 struct CameraStep {
@@ -60,6 +62,16 @@ VectorXd covered(const CameraView& view) {
   VectorXd result = VectorXd::Zero(static_cast<Index>(view.camera.width) * view.camera.height);
   for (const Fragment& fragment : view.fragments) result[fragment.pixel] += fragment.area;
   return result;
+}
+
+/// Half the diagonal of the box around all faces.
+double radius_mm(const radiosity::Elements& elements) {
+  Vector3d low = elements.faces.points[0], high = low;
+  for (const Vector3d& p : elements.faces.points) {
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  return 0.5 * (high - low).norm();
 }
 
 /// Without a sky nothing is asked of black sides.
@@ -207,10 +219,11 @@ struct ForwardModel::Impl {
         elements(radiosity::make_elements(scene)),
         surface(scene, elements),
         rays(elements.faces),
-        triangles(make_triangles(scene, elements, surface, kMostCuts)),
+        triangles(make_triangles(scene, elements, surface,
+                                 with.mesh ? kOutline * radius_mm(elements) : std::numeric_limits<double>::infinity())),
         transport(radiosity::Transport::build(elements, exchange(params.transport), progress)),
         spectra(reduce_spectra(scene, scene.directional_lights.front().normal_irradiance, params.spectral_tolerance)),
-        gather(triangles, surface, elements, rays) {
+        gather(surface, elements, rays) {
     const Index per_material = 1 + spectra.modes();
     palette.resize(per_material * static_cast<Index>(scene.materials.size()), spectra.bands());
     for (std::size_t m = 0; m < scene.materials.size(); ++m)
@@ -285,10 +298,13 @@ struct ForwardModel::Impl {
   std::vector<int> seen_sides(const CameraView& view) const {
     std::vector<int> sides;
     for (std::size_t t = 0; t < triangles.size(); ++t) {
-      if (!view.part[t].empty() && seen_material(view, t) >= 0)
-        sides.push_back(2 * static_cast<int>(t) + (view.back[t] ? 1 : 0));
+      if (!view.part[t].empty() && seen_material(view, t) >= 0) sides.push_back(side_of(view, t));
     }
+    sides.erase(std::unique(sides.begin(), sides.end()), sides.end());
     return sides;
+  }
+  int side_of(const CameraView& view, std::size_t t) const {
+    return NodeGather::side(triangles.face[t], triangles.half[t], view.back[t] != 0);
   }
   int seen_material(const CameraView& view, std::size_t t) const {
     const auto face = static_cast<std::size_t>(triangles.face[t]);
@@ -315,7 +331,7 @@ struct ForwardModel::Impl {
           const auto t = static_cast<std::size_t>(fragment.triangle);
           const int m = seen_material(view, t);
           if (m < 0) continue;
-          const std::array<int, 6>& points = gather.points(2 * fragment.triangle + (view.back[t] ? 1 : 0));
+          const std::array<int, 6>& points = gather.points(side_of(view, t));
           sum.setZero();
           for (std::size_t k = 0; k < 6; ++k)
             sum += fragment.shape[k] * values.block(points[k], first_column, 1, modes);

@@ -22,7 +22,7 @@ namespace interglow::fitting {
 
 struct ForwardParams {
   radiosity::TransportParams transport{};
-  /// How the scene's faces are made finer (fit_mesh); empty: they stay as they are.
+  /// How the scene's faces are made finer (fit_mesh); empty: they stay as they are, with flat outlines.
   std::optional<FitMeshParams> mesh = FitMeshParams{};
   /// Indirect bounces; empty: all.
   std::optional<int> bounces{};

@@ -43,10 +43,10 @@ void sample_points(const rendering::SeenOutline& piece, int per_side, std::vecto
 
 }  // namespace
 
-NodeGather::NodeGather(const Triangles& triangles, const rendering::Surface& surface,
-                       const radiosity::Elements& elements, const rendering::RayScene& rays)
-    : triangles_(triangles), surface_(surface), elements_(elements), rays_(rays) {
-  node_.assign(2 * triangles.size(), {-1, -1, -1, -1, -1, -1});
+NodeGather::NodeGather(const rendering::Surface& surface, const radiosity::Elements& elements,
+                       const rendering::RayScene& rays)
+    : surface_(surface), elements_(elements), rays_(rays) {
+  node_.assign(4 * static_cast<std::size_t>(surface.face_count()), {-1, -1, -1, -1, -1, -1});
 }
 
 NodeGather::Row NodeGather::row_at(const rendering::SurfacePoint& point, bool& touched, double reach) const {
@@ -126,7 +126,6 @@ void NodeGather::require(const std::vector<int>& sides, const Progress& progress
   };
   std::vector<Use> uses;
   const auto point_of = [&](int side, std::size_t k, double inset) {
-    const auto t = static_cast<std::size_t>(side / 2);
     Vector3d weights = Vector3d::Zero();
     if (k < 3) {
       weights[static_cast<Eigen::Index>(k)] = 1.0;
@@ -135,13 +134,12 @@ void NodeGather::require(const std::vector<int>& sides, const Progress& progress
       weights[static_cast<Eigen::Index>((k - 2) % 3)] = 0.5;
     }
     weights = (1.0 - inset) * weights + inset * Vector3d::Constant(1.0 / 3.0);
-    const auto& corner = triangles_.weights[t];
-    return surface_.point(
-        triangles_.face[t], side % 2 != 0,
-        {triangles_.half[t], weights[0] * corner[0] + weights[1] * corner[1] + weights[2] * corner[2]});
+    return surface_.point(side / 4, side % 2 != 0, {side / 2 % 2, weights});
   };
   const auto size_of = [&](int side) {
-    const auto& corner = triangles_.corner[static_cast<std::size_t>(side / 2)];
+    const std::array<int, 3> which = rendering::Surface::corners(side / 2 % 2);
+    const std::array<Vector3d, 3> corner{surface_.corner(side / 4, which[0]), surface_.corner(side / 4, which[1]),
+                                         surface_.corner(side / 4, which[2])};
     return (corner[1] - corner[0]).cross(corner[2] - corner[0]).norm() /
            std::max({(corner[1] - corner[0]).norm(), (corner[2] - corner[1]).norm(), (corner[0] - corner[2]).norm()});
   };

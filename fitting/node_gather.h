@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "diagnostics/progress.h"
-#include "fitting/coverage.h"
 #include "radiosity/elements.h"
 #include "radiosity/transport.h"
 #include "rendering/ray_scene.h"
@@ -16,16 +15,18 @@
 
 namespace interglow::fitting {
 
-/// Points at the corners and the middles of the edges of triangles, with the form factors from each to all elements. In
-/// a triangle the irradiance is the quadratic function through its six points (Fragment::shape). Form factors do not
-/// depend on light, camera or materials: they are computed when a triangle is first asked for, and kept.
+/// Points at the corners and the middles of the edges of faces' halves, with the form factors from each to all
+/// elements. In a half the irradiance is the quadratic function through its six points (Fragment::shape). Form factors
+/// do not depend on light, camera or materials: they are computed when a half is first asked for, and kept.
 class NodeGather {
  public:
   /// Keeps references to all.
-  NodeGather(const Triangles& triangles, const rendering::Surface& surface, const radiosity::Elements& elements,
-             const rendering::RayScene& rays);
+  NodeGather(const rendering::Surface& surface, const radiosity::Elements& elements, const rendering::RayScene& rays);
 
-  /// Makes the points of these sides (2 × triangle + 1 for its back), where they do not exist yet.
+  /// Half of a face, seen from one side.
+  static int side(int face, int half, bool back) { return 4 * face + 2 * half + (back ? 1 : 0); }
+
+  /// Makes the points of these sides, where they do not exist yet.
   /// Cost O(new points × elements).
   void require(const std::vector<int>& sides, const Progress& progress = {});
 
@@ -43,7 +44,6 @@ class NodeGather {
   };
   Row row_at(const rendering::SurfacePoint& point, bool& touched, double reach) const;
 
-  const Triangles& triangles_;
   const rendering::Surface& surface_;
   const radiosity::Elements& elements_;
   const rendering::RayScene& rays_;
