@@ -76,7 +76,8 @@ double mean(const std::vector<double>& values) {
 
 }  // namespace
 
-std::vector<Comparison> compare_channels(const RadiosityRun& run, const RadiosityRun* coarser,
+std::vector<Comparison> compare_channels(const rendering::RenderedImages& images,
+                                         const rendering::RenderedImages* coarser,
                                          const cross_check::PathTracer& tracer, const scene::Scene& scene,
                                          const ComparisonParams& params) {
   const Eigen::VectorXd widths = camera_band_widths_nm(scene);
@@ -89,14 +90,14 @@ std::vector<Comparison> compare_channels(const RadiosityRun& run, const Radiosit
     return one;
   };
   std::vector<Comparison> comparisons;
-  comparisons.push_back(comparison("total", run.images.total, tracer.estimate(Channel::kTotal)));
+  comparisons.push_back(comparison("total", images.total, tracer.estimate(Channel::kTotal)));
   comparisons.front().largest_possible_sample = tracer.largest_possible_sample();
-  if (coarser != nullptr) comparisons.front().coarser = coarser->images.total;
+  if (coarser != nullptr) comparisons.front().coarser = coarser->total;
   const double whole = mean(comparisons.front().reference.integral_mean);
   for (const Component& component : kComponents) {
-    Comparison one = comparison(component.name, component.picture(run.images), component.estimate(tracer));
+    Comparison one = comparison(component.name, component.picture(images), component.estimate(tracer));
     if (mean(one.reference.integral_mean) == 0.0 && mean_radiance(one.candidate, widths) == 0.0) continue;
-    if (coarser != nullptr) one.coarser = component.picture(coarser->images);
+    if (coarser != nullptr) one.coarser = component.picture(*coarser);
     one.tiles_per_side = 1;
     one.judge_bands = false;
     one.least_reference = params.faint_component_share * whole;

@@ -20,9 +20,10 @@ struct ComparisonParams {
 /// The total (whole picture, tiles and bands), then each component that either side has (whole picture): re, rr, le,
 /// li, rl. li = lr + ll,
 /// whose standard error is at most the sum of both.
-/// @param coarser  the same from patches twice as large, for the discretisation error; may be null
+/// @param coarser  the picture from patches twice as large, for the discretisation error; may be null
 /// @pre both of the same scene and camera; at least 2 batches
-std::vector<cross_check::Comparison> compare_channels(const RadiosityRun& run, const RadiosityRun* coarser,
+std::vector<cross_check::Comparison> compare_channels(const rendering::RenderedImages& images,
+                                                      const rendering::RenderedImages* coarser,
                                                       const cross_check::PathTracer& tracer, const scene::Scene& scene,
                                                       const ComparisonParams& params);
 

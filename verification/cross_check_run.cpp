@@ -29,25 +29,47 @@ constexpr double kHalvingShare = 0.5;
 
 void run_both_radiosities(CrossCheck& check, const CrossCheckParams& params, const Stopwatch& clock,
                           const Progress& progress) {
-  check.coarse = run_radiosity(check.scene, params.radiosity, progress);
-  const std::size_t fine_patches = 4 * check.coarse->patches;
-  const double expected_s = kHalvingCost * check.coarse->seconds();
-  if (fine_patches > params.most_halved_patches) {
-    check.discretisation_note = fmt::format("{} patches would be {} when halved, more than the {} allowed",
-                                            check.coarse->patches, fine_patches, params.most_halved_patches);
-  } else if (clock.seconds() + expected_s > kHalvingShare * params.time_limit_s && expected_s > 1.0) {
-    check.discretisation_note =
-        fmt::format("halved patches were expected to take {:.0f} s, too long for a time limit of {:.0f} s", expected_s,
-                    params.time_limit_s);
-  } else {
-    check.fine = run_radiosity(halved(check.scene), params.radiosity, progress);
+  const auto keeps_its_patches = [&](const RadiosityRun& run) {
+    const std::size_t fine_patches = 4 * run.patches;
+    const double expected_s = kHalvingCost * run.seconds();
+    if (fine_patches > params.most_halved_patches) {
+      check.discretisation_note = fmt::format("{} patches would be {} when halved, more than the {} allowed",
+                                              run.patches, fine_patches, params.most_halved_patches);
+    } else if (clock.seconds() + expected_s > kHalvingShare * params.time_limit_s && expected_s > 1.0) {
+      check.discretisation_note =
+          fmt::format("halved patches were expected to take {:.0f} s, too long for a time limit of {:.0f} s",
+                      expected_s, params.time_limit_s);
+    }
+    return !check.discretisation_note.empty();
+  };
+  check.coarse = run_radiosity(check.scene, params.radiosity, progress, keeps_its_patches);
+  if (check.discretisation_note.empty()) check.fine = run_radiosity(halved(check.scene), params.radiosity, progress);
+}
+
+/// Own noise that adds less than this share to the reference's variance: without it intervals would be 10 % shorter.
+constexpr double kLeastOwnVariance = 0.2;
+
+double variance(const std::vector<Comparison>& comparisons) {
+  double sum = 0.0;
+  for (const double error : comparisons.front().reference.integral_standard_error) sum += error * error;
+  return sum;
+}
+
+/// Whether a candidate without noise would decide one of the regions that are undecided.
+bool samples_help(const cross_check::Agreement& now, const cross_check::Agreement& without_noise) {
+  for (std::size_t r = 0; r < now.regions.size() && r < without_noise.regions.size(); ++r) {
+    if (now.regions[r].verdict == Verdict::kUndecided && without_noise.regions[r].verdict != Verdict::kUndecided)
+      return true;
   }
+  return false;
 }
 
 /// Adds batches until `judge` decides, more samples cannot, or time is up. `compare` makes the comparisons of the
-/// current estimate.
+/// current estimate; `compare_without_noise` the same as if the path tracer's noise were nothing, where its other side
+/// has noise of its own.
 void sample_until_decided(CrossCheck& check, PathTracer& tracer, const CrossCheckParams& params, const Stopwatch& clock,
-                          const Progress& progress, const std::function<std::vector<Comparison>()>& compare) {
+                          const Progress& progress, const std::function<std::vector<Comparison>()>& compare,
+                          const std::function<std::vector<Comparison>()>& compare_without_noise = {}) {
   int wanted = params.first_batches;
 
   double traced_s = 0.0;
@@ -62,6 +84,12 @@ void sample_until_decided(CrossCheck& check, PathTracer& tracer, const CrossChec
         {traced_s, static_cast<double>(tracer.paths()) / pixels, rms_noise(tracer.estimate(Channel::kTotal))});
     check.batches = tracer.batches();
     if (check.agreement.verdict != Verdict::kUndecided || !check.agreement.decidable) break;
+    if (compare_without_noise) {
+      const std::vector<Comparison> best = compare_without_noise();
+      check.reference_limits = variance(check.comparisons) < (1.0 + kLeastOwnVariance) * variance(best) ||
+                               !samples_help(check.agreement, cross_check::judge(best, params.agreement));
+      if (check.reference_limits) break;
+    }
     const double left_s = params.time_limit_s - clock.seconds();
     const double batch_s = traced_s / tracer.batches();
     const auto affordable = static_cast<int>(std::min(1e6, left_s / std::max(batch_s, 1e-9)));
@@ -133,7 +161,8 @@ CrossCheck cross_check_scene(const scene::Scene& scene, const CrossCheckParams& 
   run_both_radiosities(check, params, clock, progress);
   PathTracer tracer(check.scene, trace_params(params, true));
   sample_until_decided(check, tracer, params, clock, progress, [&] {
-    return compare_channels(*check.candidate_run(), check.coarser_run(), tracer, check.scene, params.comparison);
+    return compare_channels(check.candidate_run()->images, check.coarser_images(), tracer, check.scene,
+                            params.comparison);
   });
   finish(check, clock);
   return check;
@@ -160,23 +189,27 @@ CrossCheck cross_check_reference(const scene::Scene& scene, const ReferenceImage
     run_both_radiosities(check, params, clock, progress);
     const Eigen::MatrixXd conversion = band_conversion(reference, check.candidate_run()->images.total.wavelength_nm);
     total.candidate = convert_bands(check.candidate_run()->images.total, conversion, wavelengths);
-    if (check.coarser_run() != nullptr)
-      total.coarser = convert_bands(check.coarser_run()->images.total, conversion, wavelengths);
+    if (check.coarser_images() != nullptr)
+      total.coarser = convert_bands(check.coarser_images()->total, conversion, wavelengths);
     check.comparisons = {total};
     check.agreement = cross_check::judge(check.comparisons, params.agreement);
   } else {
     check.candidate_name = "path tracer";
     PathTracer tracer(check.scene, trace_params(params, false));
-    sample_until_decided(check, tracer, params, clock, progress, [&] {
+    const auto compared = [&](bool with_noise) {
       const Estimate traced = tracer.estimate(Channel::kTotal);
       const Estimate converted =
           convert_bands(traced, band_conversion(reference, traced.mean.wavelength_nm), wavelengths, widths);
       Comparison one = total;
       one.candidate = converted.mean;
-      add_error(one.reference, converted);
-      one.batches = tracer.batches();
+      if (with_noise) {
+        add_error(one.reference, converted);
+        one.batches = tracer.batches();
+      }
       return std::vector<Comparison>{one};
-    });
+    };
+    sample_until_decided(
+        check, tracer, params, clock, progress, [&] { return compared(true); }, [&] { return compared(false); });
   }
   finish(check, clock);
   return check;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// The check of a scene from beginning to verdict: radiosity on its patches and on patches halved, the path tracer (or
+/// The check of a scene from beginning to verdict: radiosity on its patches and on patches halved (or with its error
+/// estimated, where that would take too long), the path tracer (or
 /// a picture from elsewhere) until the statistics decide or time is up.
 #pragma once
 
@@ -31,7 +32,7 @@ struct CrossCheckParams {
   int first_batches = 32;
   int samples_per_batch = 16;
   std::uint64_t seed = 1;
-  /// Patches are halved up to this number of halved ones; beyond it the discretisation error stays unknown.
+  /// Patches are halved up to this number of halved ones; beyond it the discretisation error is estimated.
   std::size_t most_halved_patches = 60000;
 };
 
@@ -49,6 +50,7 @@ struct CrossCheck {
   std::optional<RadiosityRun> fine;                  ///< patches halved; the candidate where it is present
   std::optional<RadiosityRun> coarse;                ///< the scene's own patches
   std::string discretisation_note;                   ///< why patches were not halved; empty if they were
+  bool reference_limits = false;                     ///< sampling ended because the reference's own noise decides
   std::vector<cross_check::Comparison> comparisons;  ///< the total first
   cross_check::Agreement agreement;
   cross_check::PixelDiagnosis diagnosis;  ///< of the total
@@ -65,6 +67,10 @@ struct CrossCheck {
 
   const RadiosityRun* candidate_run() const { return fine ? &*fine : coarse ? &*coarse : nullptr; }
   const RadiosityRun* coarser_run() const { return fine && coarse ? &*coarse : nullptr; }
+  /// What the candidate's discretisation error is taken from: the coarser run, or the estimate.
+  const rendering::RenderedImages* coarser_images() const {
+    return coarser_run() != nullptr ? &coarse->images : coarse && coarse->estimate ? &*coarse->estimate : nullptr;
+  }
 };
 
 /// Radiosity against the path tracer.

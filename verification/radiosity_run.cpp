@@ -5,12 +5,36 @@
 
 #include "diagnostics/error.h"
 #include "radiosity/direct_light.h"
+#include "radiosity/discretisation_error.h"
+#include "radiosity/error_estimate.h"
 #include "verification/check_scene.h"
 #include "verification/stopwatch.h"
 
 namespace interglow::verification {
+namespace {
 
-RadiosityRun run_radiosity(const scene::Scene& scene, const RadiosityParams& params, const Progress& progress) {
+/// Sources as they would be on infinitely small patches, the estimated change taken kDiscretisationSafety times.
+radiosity::Solution with_estimated_error(radiosity::Solution solution, const scene::Scene& scene,
+                                         const radiosity::Elements& elements, const radiosity::Transport& transport,
+                                         const Progress& progress) {
+  const auto& materials = scene.materials;
+  const auto& material = elements.material;
+  const radiosity::IrradianceError error =
+      radiosity::discretisation_error(elements, transport, materials, solution, progress);
+  solution.reflected_source +=
+      radiosity::kDiscretisationSafety * radiosity::reflect(error.reflected, materials, material);
+  if (solution.luminescent_source.size() > 0 && error.luminescent.size() > 0) {
+    solution.luminescent_source += radiosity::kDiscretisationSafety *
+                                   (radiosity::reflect(error.luminescent, materials, material) +
+                                    radiosity::luminesce(error.reflected + error.luminescent, materials, material));
+  }
+  return solution;
+}
+
+}  // namespace
+
+RadiosityRun run_radiosity(const scene::Scene& scene, const RadiosityParams& params, const Progress& progress,
+                           const std::function<bool(const RadiosityRun&)>& wants_estimate) {
   RadiosityRun run;
   run.patches = patch_count(scene);
   const Stopwatch transport_time;
@@ -37,6 +61,14 @@ RadiosityRun run_radiosity(const scene::Scene& scene, const RadiosityParams& par
   const Stopwatch render_time;
   run.images = rendering::render(scene, elements, solution, params.render, progress);
   run.seconds_render = render_time.seconds();
+  if (!wants_estimate || !wants_estimate(run)) return run;
+  const Stopwatch estimate_time;
+  run.estimate =
+      solution.reflected_source.size() > 0
+          ? rendering::render(scene, elements, with_estimated_error(solution, scene, elements, transport, progress),
+                              params.render, progress)
+          : run.images;
+  run.seconds_estimate = estimate_time.seconds();
   return run;
 }
 

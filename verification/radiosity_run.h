@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
+#include <optional>
 
 #include "diagnostics/progress.h"
 #include "radiosity/solution.h"
@@ -20,6 +22,10 @@ struct RadiosityParams {
 
 struct RadiosityRun {
   rendering::RenderedImages images;
+  /// The same with sources changed by what infinitely small patches are estimated to change them by, times
+  /// radiosity::kDiscretisationSafety: its difference from `images` bounds the discretisation error where no picture
+  /// from other patches does.
+  std::optional<rendering::RenderedImages> estimate;
   radiosity::TransportReport transport;
   radiosity::EnergyBalance energy;
   std::size_t patches = 0;
@@ -28,11 +34,14 @@ struct RadiosityRun {
   double seconds_transport = 0.0;
   double seconds_light = 0.0;  ///< direct light and solve
   double seconds_render = 0.0;
+  double seconds_estimate = 0.0;  ///< not in seconds()
 
   double seconds() const { return seconds_transport + seconds_light + seconds_render; }
 };
 
+/// @param wants_estimate  asked when all else is done; empty: no estimate
 /// @throws NumericalFailure if the solve did not converge, and whatever the steps throw
-RadiosityRun run_radiosity(const scene::Scene& scene, const RadiosityParams& params, const Progress& progress = {});
+RadiosityRun run_radiosity(const scene::Scene& scene, const RadiosityParams& params, const Progress& progress = {},
+                           const std::function<bool(const RadiosityRun&)>& wants_estimate = {});
 
 }  // namespace interglow::verification

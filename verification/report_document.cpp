@@ -53,7 +53,10 @@ Json summary_section(const CrossCheck& check) {
         fmt::format("{} differs from {} by {:+.4f} % ± {:.4f} % (one standard error)", check.candidate_name,
                     check.reference_name, 100.0 * whole->relative_difference, 100.0 * whole->standard_error);
     rows["discretisation of the whole"] =
-        check.coarser_run() != nullptr ? percent(whole->discretisation) : "not available: " + check.discretisation_note;
+        check.candidate_run() == nullptr ? "none: both sides follow paths"
+        : check.coarser_run() != nullptr
+            ? percent(whole->discretisation) + ", from halving the patches"
+            : percent(whole->discretisation) + ", estimated without halving: " + check.discretisation_note;
   }
   rows["regions that agree"] = fmt::format("{} of {}", count(check, Verdict::kAgrees), check.agreement.regions.size());
   rows["regions that disagree"] = count(check, Verdict::kDisagrees);
@@ -227,8 +230,13 @@ Json not_tested_section(const CrossCheck& check, const CrossCheckParams& params,
       "by either method.");
   items.push_back("What the camera does not see: light there is tested only by what it sends into the picture.");
   items.push_back("Bands outside the camera's range, except through the luminescence they excite.");
-  if (check.coarser_run() == nullptr && check.candidate_run() != nullptr)
-    items.push_back("The discretisation error of the patches: " + check.discretisation_note + ".");
+  if (check.coarser_run() == nullptr && check.candidate_run() != nullptr) {
+    items.push_back(
+        "The discretisation error of the patches by measurement: it is estimated from how sources vary between "
+        "neighbouring patches, twice over. Patches that lie across a shadow or a contact may err by more. Not "
+        "halved: " +
+        check.discretisation_note + ".");
+  }
   if (!check.reference_has_error)
     items.push_back(
         "Agreement itself: the reference image came without a standard error, so that only differences are shown.");
@@ -291,6 +299,10 @@ Json result_json(const CrossCheck& check, const CrossCheckParams& params) {
             {"noise", noise}}},
           {"seconds", check.seconds},
           {"out_of_time", check.out_of_time},
+          {"reference_noise_limits", check.reference_limits},
+          {"discretisation", check.coarser_run() != nullptr      ? "measured"
+                             : check.coarser_images() != nullptr ? "estimated"
+                                                                 : "none"},
           {"regions", regions},
           {"not_judged", check.agreement.not_judged}};
 }
@@ -318,9 +330,9 @@ std::string undecided_regions(const CrossCheck& check) {
   }
   if (noisy > 0) {
     text += fmt::format("{}{} undecided because {}", text.empty() ? "" : ", ", number(noisy),
-                        check.paths == 0    ? "the reference image is too noisy"
-                        : check.out_of_time ? "time ran out"
-                                            : "more samples would be needed");
+                        check.paths == 0 || check.reference_limits ? "the reference image is too noisy"
+                        : check.out_of_time                        ? "time ran out"
+                                                                   : "more samples would be needed");
   }
   return text;
 }
@@ -338,17 +350,16 @@ std::string verdict_sentence(const CrossCheck& check, const CrossCheckParams& pa
     return fmt::format("Within {} with {} confidence: {} in every one of {} regions{}.",
                        percent(params.agreement.margin), percent(params.agreement.confidence), sides, regions,
                        check.coarser_run() == nullptr && check.candidate_run() != nullptr
-                           ? " (the patches' discretisation error was not measured)"
+                           ? " (the patches' discretisation error was estimated, not measured)"
                            : "");
   }
   const RegionResult* region = worst(check, check.verdict);
   if (region == nullptr) return fmt::format("No region of {} was bright enough to judge.", sides);
   const std::string where = fmt::format("{}, {}: {:+.3f} % ± {:.3f} % (interval){}", region->channel, region->region,
                                         100.0 * region->relative_difference, 100.0 * region->half_width,
-                                        check.coarser_run() != nullptr
+                                        check.coarser_images() != nullptr
                                             ? fmt::format(", discretisation {:.3f} %", 100.0 * region->discretisation)
-                                        : check.candidate_run() != nullptr ? ", discretisation not measured"
-                                                                           : "");
+                                            : "");
   if (check.verdict == Verdict::kDisagrees) {
     return fmt::format("{} differ by more than {} in {} of {} regions; the worst is {}.", sides,
                        percent(params.agreement.margin), count(check, Verdict::kDisagrees), regions, where);

@@ -116,6 +116,32 @@ TEST(ReferenceCheck, AReflectanceOffByOnePercentIsFound) {
   EXPECT_EQ(check.verdict, Verdict::kDisagrees) << listed(check);
 }
 
+// The reference's standard error is made so large that no number of our paths decides: 32 batches, and no more.
+TEST(ReferenceCheck, SamplingEndsWhereTheReferenceIsTooNoisy) {
+  ReferenceImage noisy = reference(32);
+  for (float& error : noisy.standard_error->value) error *= 100.0F;
+  const CrossCheck check = cross_check_reference(check_scene(groove(), 32), noisy, Method::kPathTracer, params_with(2));
+  EXPECT_EQ(check.verdict, Verdict::kUndecided);
+  EXPECT_TRUE(check.reference_limits);
+  EXPECT_EQ(check.batches, 32);
+}
+
+// Where halving would take too long the error is estimated: of the same size as what halving changes. The groove's
+// coarse patches change by a few parts in 10,000; the estimate is made twice over.
+TEST(ReferenceCheck, DiscretisationIsEstimatedWhereItIsNotMeasured) {
+  CrossCheckParams params = params_with(1);
+  const CrossCheck measured = cross_check_reference(groove(), reference(kSide_px), Method::kRadiosity, params);
+  params.most_halved_patches = 0;
+  const CrossCheck estimated = cross_check_reference(groove(), reference(kSide_px), Method::kRadiosity, params);
+  EXPECT_EQ(estimated.coarser_run(), nullptr);
+  ASSERT_NE(estimated.coarser_images(), nullptr);
+  const double halving = measured.agreement.regions.at(0).discretisation;
+  const double estimate = estimated.agreement.regions.at(0).discretisation;
+  EXPECT_GT(estimate, 0.25 * halving) << halving;
+  EXPECT_LT(estimate, 10.0 * halving) << halving;
+  EXPECT_EQ(estimated.verdict, Verdict::kAgrees) << listed(estimated);
+}
+
 TEST(ReferenceCheck, NoVerdictWithoutTheReferencesError) {
   ReferenceImage without_error = reference(32);
   without_error.standard_error.reset();
