@@ -94,6 +94,7 @@ TEST_P(PicturesDifferByNoiseAlone, HalfCylinders) {
   CrossCheckParams params = params_with(1);
   params.radiosity.transport.tolerance = 1e-3;
   params.most_halved_patches = 0;
+  params.radiosity.render.samples_per_side = 10;
   params.samples_per_batch = 1;
   scene::Scene strips = test::half_cylinder_strips(here, 1, 2, true);
   for (scene::Object& object : strips.objects) object.sides = scene::Sides::kOne;
