@@ -53,7 +53,7 @@ Json summary_section(const CrossCheck& check) {
         fmt::format("{} differs from {} by {:+.4f} % ± {:.4f} % (one standard error)", check.candidate_name,
                     check.reference_name, 100.0 * whole->relative_difference, 100.0 * whole->standard_error);
     rows["discretisation of the whole"] =
-        check.candidate_run() == nullptr ? "none: both sides follow paths"
+        check.candidate_run() == nullptr ? "none: the path tracer needs no smaller patches"
         : check.coarser_run() != nullptr
             ? percent(whole->discretisation) + ", from halving the patches"
             : percent(whole->discretisation) + ", estimated without halving: " + check.discretisation_note;
