@@ -123,7 +123,9 @@ int fit(const Options& options, const Session& session) {
   session.clear_progress();
   const auto [state, sentence] = fit_verdict(found, uncertainty, attribution);
   fmt::print("{}: {}\n", state, sentence);
-  for (const fitting::WeakDirection& weak : uncertainty.weak) fmt::print("not determined: {}\n", weak.sentence);
+  // The verdict names the first.
+  for (std::size_t k = 1; k < uncertainty.weak.size(); ++k)
+    fmt::print("not determined: {}\n", uncertainty.weak[k].sentence);
   for (const std::string& note : uncertainty.notes) fmt::print("note: {}\n", note);
   fmt::print("{}\n", (options.out / "report.html").string());
   return found.converged ? kSuccess : kFailure;

@@ -255,13 +255,8 @@ std::pair<std::string, std::string> fit_verdict(const fitting::SceneFit& fit, co
             fmt::format("The fit stopped at its limit of iterations with a mean squared residual of {:.3g}.",
                         fit.chi_square)};
   }
-  std::string text;
-  if (const ParameterEstimate* w = uncertainty.find(fitting::kW)) {
-    text = w->determined ? fmt::format("w/w' = {:.4f} ± {:.4f}. ", fit.state.w, w->sd) : "w/w' is not determined. ";
-    text += attribution.sentence;
-  } else {
-    text = "Fitted with w/w' held.";
-  }
+  std::string text = attribution.sentence;  // begins with w/w', or why there is none
+  if (uncertainty.find(fitting::kW) == nullptr) text = "Fitted with w/w' held.";
   if (!uncertainty.weak.empty()) {
     text += fmt::format(" Not determined: {}{}.", uncertainty.weak.front().sentence,
                         uncertainty.weak.size() > 1 ? fmt::format(" and {} more", uncertainty.weak.size() - 1) : "");

@@ -126,9 +126,11 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
   }
   const Eigen::RowVectorXd mean = here.channels.colwise().mean();
   add("veil", "3 % of the light, spread over the picture", (-0.03 * here.channels).rowwise() + 0.03 * mean);
+  // Channels may be negative: brightness is that of bands.
+  const double brightest = (here.channels * model.palette()).maxCoeff();
   add("offset", "0.5 % of the brightest, coloured like the mean of the picture",
       RowMatrix::Zero(here.channels.rows(), here.channels.cols()).rowwise() +
-          0.005 * here.channels.rowwise().sum().maxCoeff() / std::max(mean.sum(), 1e-300) * mean);
+          0.005 * brightest / std::max((mean * model.palette()).maxCoeff(), 1e-300) * mean);
   const double pixel_mm = state.camera.pivot_in_camera.z() / state.camera.focal_px;
   add("misregistration", "0.5 px to the right", 0.5 * pixel_mm * here.derivative[kShiftX]);
   add("misregistration", "0.5 px down", 0.5 * pixel_mm * here.derivative[kShiftY]);
@@ -214,19 +216,20 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
   if (whole.size() == 1) {
     result.verdict = AttributionVerdict::kExplained;
     result.sentence = fmt::format(
-        "w/w' = {:.4f} is explained by {}: the residuals hold {:.2f} ± {:.2f} times \"{}\", with which w/w' "
+        "w/w' = {:.4f} ± {:.4f} is explained by {}: the residuals hold {:.2f} ± {:.2f} times \"{}\", with which w/w' "
         "is {:.4f}.",
-        state.w, whole[0]->name, whole[0]->amplitude, whole[0]->amplitude_sd, whole[0]->size, whole[0]->w_with);
+        state.w, sd, whole[0]->name, whole[0]->amplitude, whole[0]->amplitude_sd, whole[0]->size, whole[0]->w_with);
   } else if (supported.size() >= 2) {
     result.verdict = AttributionVerdict::kShared;
-    result.sentence = fmt::format("w/w' = {:.4f}: more than one cause fits the residuals, among them {} and {}.",
-                                  state.w, supported[0]->name, supported[1]->name);
+    result.sentence =
+        fmt::format("w/w' = {:.4f} ± {:.4f}: more than one cause fits the residuals, among them {} and {}.", state.w,
+                    sd, supported[0]->name, supported[1]->name);
   } else {
     result.verdict = AttributionVerdict::kUndetermined;
     result.sentence = fmt::format(
-        "w/w' = {:.4f}: {} of the causes tried brings it to 1 in a way that the residuals "
+        "w/w' = {:.4f} ± {:.4f}: {} of the causes tried brings it to 1 in a way that the residuals "
         "support.",
-        state.w, supported.empty() ? "none" : "only part is taken by " + supported[0]->name + "; none");
+        state.w, sd, supported.empty() ? "none" : "only part is taken by " + supported[0]->name + "; none");
   }
   return result;
 }

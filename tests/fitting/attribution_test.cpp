@@ -216,6 +216,7 @@ TEST(Attribution, FindsStrayLightWhereOffsetsAreHeld) {
   const Cause& offset = cause(attribution, "offset");
   EXPECT_NEAR(fit.state.w - 1.0, offset.shift * offset.amplitude, 0.1 * std::abs(fit.state.w - 1.0) + 1e-4)
       << attribution.sentence;
+  EXPECT_NEAR(offset.amplitude, 1.0, 0.1) << attribution.sentence;
   EXPECT_NEAR(offset.w_with, 1.0, 0.1 * std::abs(fit.state.w - 1.0) + 1e-4) << attribution.sentence;
 }
 
