@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Time, memory and closure of Transport::build: a closed cube, a closed box with two turned cubes, the same box with a
-// lumpy solid (not convex, so that rays sample what clipping would be too slow for), and two touching half cylinders;
+// Time, memory and closure of Transport::build: a closed cube, a closed box with two turned cubes, with a lumpy solid
+// and with a scanned bunny (examples/bunny_in_corner/fetch gets it), and two touching half cylinders;
 // products with 1 and 71 columns; and rays of Visibility beside the raw rate of Embree on the same rays. Closed scenes
 // must close within the tolerance before anything is timed. Counters: elements, error_estimate (largest of a row),
 // pairs per second of processor time (all N (N - 1) / 2), closure_max, closure_rms, partial pairs, megabytes.
@@ -11,10 +11,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <limits>
+#include <optional>
 #include <random>
+#include <utility>
 #include <vector>
 
+#include "mesh/remesh.h"
+#include "mesh/repair.h"
+#include "mesh/scan_file.h"
 #include "radiosity/transport.h"
 #include "radiosity/visibility.h"
 #include "tests/radiosity/scenes.h"
@@ -29,35 +35,13 @@ using radiosity::RowMatrix;
 using radiosity::Transport;
 using radiosity::testing::box_with_two_cubes;
 using radiosity::testing::cube;
+using radiosity::testing::lumpy_solid;
+using radiosity::testing::lumpy_solid_in_box;
 using radiosity::testing::object;
 
 Elements closed_cube(int n) {
   scene::Scene scene;
   scene.objects.push_back(object("cube", cube(1.0, n, true)));
-  return make_elements(scene);
-}
-
-/// A cube of n x n quads a face blown up to a sphere of radius 25 with waves, each quad cut in two.
-mesh::PatchMesh lumpy_solid(int n) {
-  const mesh::PatchMesh blocks = cube(2.0, n, false);
-  mesh::PatchMesh solid;
-  solid.closed = true;
-  for (const Vector3d& p : blocks.points) {
-    const Vector3d u = p.normalized();
-    const double radius = 25.0 * (1.0 + 0.2 * std::sin(5 * u.x()) * std::sin(4 * u.y() + 1) * std::cos(6 * u.z()));
-    solid.points.push_back(Vector3d(50, 50, 45) + radius * u);
-  }
-  for (const mesh::Face& f : blocks.faces) {
-    solid.faces.push_back({f[0], f[1], f[2], -1});
-    solid.faces.push_back({f[0], f[2], f[3], -1});
-  }
-  return solid;
-}
-
-Elements lumpy_solid_in_box(int n, int solid_n) {
-  scene::Scene scene;
-  scene.objects.push_back(object("box", cube(100.0, n, true, Vector3d(50, 50, 50))));
-  scene.objects.push_back(object("solid", lumpy_solid(solid_n)));
   return make_elements(scene);
 }
 
@@ -81,6 +65,30 @@ Elements half_cylinders(int n) {
     mesh.closed = true;  // nobody sees the inside
     scene.objects.push_back(object(centre < 0 ? "left" : "right", std::move(mesh)));
   }
+  return make_elements(scene);
+}
+
+/// The bunny remeshed to about `patches`, in the middle of a closed box of side 100. Empty without the scan, or if it
+/// has holes.
+std::optional<Elements> bunny_in_box(int n, int patches) {
+  const std::filesystem::path scan = INTERGLOW_SOURCE_DIR "/examples/bunny_in_corner/scans/bunny00.off";
+  if (!std::filesystem::exists(scan)) return std::nullopt;
+  mesh::RemeshInput bunny;
+  bunny.name = "bunny";
+  bunny.scan = mesh::repair(mesh::read_scan(scan, {.mm_per_unit = 60.0}).mesh).mesh;
+  bunny.params.patches = patches;
+  mesh::PatchMesh surface = std::move(mesh::remesh({&bunny, 1})[0].patches);
+  if (!surface.closed) return std::nullopt;
+  Vector3d low = surface.points[0];
+  Vector3d high = low;
+  for (const Vector3d& p : surface.points) {
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+  }
+  for (Vector3d& p : surface.points) p += Vector3d(50, 50, 50) - 0.5 * (low + high);
+  scene::Scene scene;
+  scene.objects.push_back(object("box", cube(100.0, n, true, Vector3d(50, 50, 50))));
+  scene.objects.push_back(object("bunny", std::move(surface)));
   return make_elements(scene);
 }
 
@@ -131,12 +139,26 @@ BENCHMARK(BM_BoxWithTwoCubes)
     ->Unit(benchmark::kMillisecond);
 
 void BM_LumpySolidInBox(benchmark::State& state) {
-  build(state, lumpy_solid_in_box(static_cast<int>(state.range(0)), static_cast<int>(state.range(1))), 1e-3,
-        Closed::kSampled);
+  build(state, make_elements(lumpy_solid_in_box(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)))),
+        1e-3, Closed::kSampled);
 }
 BENCHMARK(BM_LumpySolidInBox)
     ->Args({8, 8})
     ->Args({16, 12})
+    ->Iterations(1)
+    ->MeasureProcessCPUTime()
+    ->Unit(benchmark::kMillisecond);
+
+void BM_BunnyInBox(benchmark::State& state) {
+  const auto elements = bunny_in_box(12, static_cast<int>(state.range(0)));
+  if (!elements) return state.SkipWithError("no closed bunny: run examples/bunny_in_corner/fetch");
+  build(state, *elements, std::pow(10.0, -static_cast<double>(state.range(1))), Closed::kSampled);
+}
+BENCHMARK(BM_BunnyInBox)
+    ->Args({1000, 3})
+    ->Args({2000, 3})
+    ->Args({4000, 3})
+    ->Args({8000, 3})
     ->Iterations(1)
     ->MeasureProcessCPUTime()
     ->Unit(benchmark::kMillisecond);

@@ -93,12 +93,14 @@ void LineSampler::sample(std::vector<SampledPair>& pairs, int fewest, int most) 
 
 /// The result of the lines so far; true if it meets the tolerance.
 bool LineSampler::settle(SampledPair& pair) {
-  const double share = pair.whole > 0.0 ? pair.seen / pair.whole : 1.0;
+  // Lines that carry nothing tell nothing.
+  const double share = pair.whole > 0.0 ? pair.seen / pair.whole : 0.5;
   pair.result.touched = share < 1.0;
   pair.result.covered = share == 0.0;
   pair.result.hidden = (1.0 - share) * pair.exchange;
   // A lattice does better than the spread of independent samples.
   pair.result.error_estimate = pair.exchange * (std::sqrt(share * (1.0 - share) / pair.lines) + kDoubt / pair.lines);
+  if (!(pair.whole > 0.0)) pair.result.error_estimate = 0.5 * pair.exchange;
   return pair.result.error_estimate <= pair.tolerance;
 }
 

@@ -9,7 +9,7 @@ namespace {
 
 /// Standard deviation of one line [mm²].
 double spread(const SampledPair& pair) {
-  const double share = pair.whole > 0.0 ? pair.seen / pair.whole : 1.0;
+  const double share = pair.whole > 0.0 ? pair.seen / pair.whole : 0.5;
   // Lines that agree so far may still be wrong about the rest.
   const double in_doubt = LineSampler::kDoubt / std::sqrt(std::max(1, pair.lines));
   return pair.exchange * std::max(std::sqrt(share * (1.0 - share)), in_doubt);

@@ -119,12 +119,14 @@ double area_of(std::span<const Vector2d> corners) {
 
 }  // namespace
 
-void ShadowCells::cut_body(LocalBody& body, const Vector3d& normal, double offset) {
+void ShadowCells::cut_body(LocalBody& body, const Vector3d& normal, double offset, double flat) {
   std::array<double, 512> height;
   const std::size_t vertices = body.vertex.size();
   bool any_outside = false;
   for (std::size_t v = 0; v < vertices; ++v) {
     height[v] = normal.dot(body.vertex[v]) - offset;
+    // A corner that the patch and the body share is on the plane: an edge of no length has no direction.
+    if (std::abs(height[v]) <= flat) height[v] = 0.0;
     any_outside = any_outside || height[v] <= 0.0;
   }
   if (!any_outside) return;
@@ -181,8 +183,8 @@ bool ShadowCells::make_local(const ConvexBody& body, const Eigen::Matrix3d& axes
     local.face.push_back(plane);
   }
   for (const ConvexBody::Edge& edge : body.edge) local.edge.push_back({edge.a, edge.b, edge.face, edge.other});
-  if (lowest < -flat) cut_body(local, Vector3d::UnitZ(), 0.0);
-  if (deepest < -flat) cut_body(local, source_normal_, source_offset_);
+  if (lowest < -flat) cut_body(local, Vector3d::UnitZ(), 0.0, flat);
+  if (deepest < -flat) cut_body(local, source_normal_, source_offset_, flat);
   if (local.edge.size() < 3) return false;
   local.centre.setZero();
   for (const LocalBody::Edge& edge : local.edge) {

@@ -64,7 +64,7 @@ class ShadowCells {
 
   bool make_local(const ConvexBody& body, const Eigen::Matrix3d& axes, const Eigen::Vector3d& origin, double flat,
                   LocalBody& local);
-  static void cut_body(LocalBody& body, const Eigen::Vector3d& normal, double offset);
+  static void cut_body(LocalBody& body, const Eigen::Vector3d& normal, double offset, double flat);
   void add_events(const LocalBody& body);
   void add_line(const Eigen::Vector2d& a, const Eigen::Vector2d& b);
   void cut_cells(const Eigen::Vector3d& line);

@@ -66,4 +66,31 @@ inline scene::Scene box_with_two_cubes(int n, int cube_n) {
   return scene;
 }
 
+/// A cube of n x n quads a face blown up to a sphere of radius 25 with waves, each quad cut in two: closed, not convex.
+inline mesh::PatchMesh lumpy_solid(int n) {
+  const mesh::PatchMesh blocks = cube(2.0, n, false);
+  mesh::PatchMesh solid;
+  solid.closed = true;
+  for (const Vector3d& p : blocks.points) {
+    const Vector3d u = p.normalized();
+    const double radius = 25.0 * (1.0 + 0.2 * std::sin(5 * u.x()) * std::sin(4 * u.y() + 1) * std::cos(6 * u.z()));
+    // On a grid, so that the six faces' common points are the same to the bit.
+    const Vector3d q = Vector3d(50, 50, 45) + radius * u;
+    solid.points.push_back((q * 0x1p30).array().round() * 0x1p-30);
+  }
+  for (const mesh::Face& f : blocks.faces) {
+    solid.faces.push_back({f[0], f[1], f[2], -1});
+    solid.faces.push_back({f[0], f[2], f[3], -1});
+  }
+  return solid;
+}
+
+/// It in the closed box of side 100; n: quads an edge of the box.
+inline scene::Scene lumpy_solid_in_box(int n, int solid_n) {
+  scene::Scene scene;
+  scene.objects.push_back(object("box", cube(100.0, n, true, Vector3d(50, 50, 50))));
+  scene.objects.push_back(object("solid", lumpy_solid(solid_n)));
+  return scene;
+}
+
 }  // namespace interglow::radiosity::testing
