@@ -102,7 +102,8 @@ int main(int argc, char** argv) {
   for (const fitting::FitStage& stage : fit.stages)
     fmt::print("  {} at {} px: {} iterations, {:.4g} to {:.4g}, {}\n", stage.name, stage.width, stage.iterations,
                stage.cost_before, stage.cost, stage.end);
-  const fitting::Uncertainty found = fitting::examine(model, fit, params);
+  const fitting::ForwardModel coarse(test::half_cylinders(scene), fitting::coarser({}));
+  const fitting::Uncertainty found = fitting::examine(model, fit, params, {.coarser = &coarse});
   clock.lap("uncertainty");
   fmt::print("w {:.5f} ± {:.5f} (truth {:.5f}), χ² {:.4f}\n", fit.state.w, found.find(fitting::kW)->sd, truth.w,
              fit.chi_square);
