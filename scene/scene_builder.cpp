@@ -10,6 +10,7 @@
 
 #include "files/sha256.h"
 #include "mesh/subdivide.h"
+#include "scene/contact_faces.h"
 #include "scene/corner_normals.h"
 #include "spectral/donaldson_file.h"
 #include "spectral/spectrum_file.h"
@@ -169,6 +170,21 @@ class Builder {
       warn_of_crossings(described, remeshed[o].report);
       built_.objects[o].remesh = std::move(remeshed[o].report);
       built_.scene.objects.push_back(std::move(object));
+    }
+    follow_contacts();
+  }
+
+  /// Every object is cut by the others as they were before.
+  void follow_contacts() {
+    std::vector<mesh::PatchMesh> cut;
+    for (std::size_t o = 0; o < description_.objects.size(); ++o) {
+      const ObjectDescription& described = description_.objects[o];
+      cut.push_back(described.follow_contacts ? scene::follow_contacts(built_.scene, o, 0) : mesh::PatchMesh{});
+    }
+    for (std::size_t o = 0; o < cut.size(); ++o) {
+      if (!description_.objects[o].follow_contacts) continue;
+      built_.scene.objects[o].patches = std::move(cut[o]);
+      built_.objects[o].remesh.patches = static_cast<int>(built_.scene.objects[o].patches.faces.size());
     }
   }
 

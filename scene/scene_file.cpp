@@ -166,6 +166,7 @@ ObjectDescription read_object(const std::string& name, KeyReader& keys, const Sc
   object.patches = keys.find_integer("patches", 4, 10'000'000);
   object.edge_length_mm = keys.find_number("edge_length_mm", kPositive);
   object.subdivide_mm = keys.find_number("subdivide_mm", kPositive);
+  object.follow_contacts = keys.find_bool("follow_contacts").value_or(false);
   object.noise_mm = keys.find_number("noise_mm", kNotNegative);
   const auto feature_angle = keys.find_number("feature_angle_deg", Range{0.0, 180.0, true});
   object.feature_angle_deg = feature_angle.value_or(object.feature_angle_deg);

@@ -48,6 +48,7 @@ struct ObjectDescription {
   std::optional<int> patches;
   std::optional<double> edge_length_mm;
   std::optional<double> subdivide_mm;  ///< longest edge of the pieces that given triangles are cut into
+  bool follow_contacts = false;        ///< faces are cut where other objects touch or cross them
   double feature_angle_deg = 40.0;
   std::optional<double> noise_mm;  ///< standard deviation of the scan; empty: estimated
   double near_edge_ratio = 0.25;   ///< smallest edge length near other objects over the largest

@@ -118,6 +118,33 @@ TEST_F(SceneBuilder, CutsGivenTrianglesIntoCongruentOnes) {
               testing::AllOf(HasSubstr("object.cube.mesh"), HasSubstr("Choose a longer edge")));
 }
 
+// The cube stands on [20, 30]² of the sheet of 50 mm a side: on 100 of 2500 mm².
+TEST_F(SceneBuilder, CutsPatchesWhereOthersStandOnThem) {
+  const std::string stands = "translate_mm = [30, 20, -5]\n[object.lamp]\nmesh = \"sheet.obj\"\n";
+  const BuiltScene whole = build("translate_mm = [100, 0, 0]\n[object.lamp]\nmesh = \"sheet.obj\"\n", stands);
+  const BuiltScene built =
+      build("translate_mm = [100, 0, 0]\n[object.lamp]\nmesh = \"sheet.obj\"\n", stands + "follow_contacts = true\n");
+  EXPECT_EQ(built.scene.objects[0].patches.faces, whole.scene.objects[0].patches.faces) << "not asked for";
+  const mesh::PatchMesh& sheet = built.scene.objects[1].patches;
+  EXPECT_GT(sheet.faces.size(), whole.scene.objects[1].patches.faces.size());
+  EXPECT_EQ(built.objects[1].remesh.patches, static_cast<int>(sheet.faces.size()));
+  double inside = 0.0;
+  for (std::size_t f = 0; f < sheet.faces.size(); ++f) {
+    int within = 0;
+    int beyond = 0;
+    for (int k = 0; k < mesh::corner_count(sheet.faces[f]); ++k) {
+      const auto& point = sheet.points[static_cast<std::size_t>(sheet.faces[f][static_cast<std::size_t>(k)])];
+      const double distance = std::max(std::abs(point.x() - 25.0), std::abs(point.y() - 25.0)) - 5.0;
+      within += distance < -1e-9 ? 1 : 0;
+      beyond += distance > 1e-9 ? 1 : 0;
+    }
+    EXPECT_FALSE(within > 0 && beyond > 0) << "face " << f << " reaches under the cube";
+    if (beyond == 0) inside += mesh::vector_area(sheet, sheet.faces[f]).norm();
+  }
+  EXPECT_NEAR(inside, 100.0, 1e-9);
+  EXPECT_NEAR(mesh::total_area(sheet), 2500.0, 1e-9);
+}
+
 TEST_F(SceneBuilder, TransformsAndKeepsTheTriangles) {
   const BuiltScene built = build();
   ASSERT_EQ(built.scene.objects.size(), 2U);

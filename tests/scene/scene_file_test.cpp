@@ -62,6 +62,7 @@ mesh = "lamp.obj"
 material = "white"
 remesh = "none"
 subdivide_mm = 0.5
+follow_contacts = true
 
 [light.sun]
 kind = "directional"
@@ -187,6 +188,8 @@ TEST_F(SceneFile, ReadsEveryKey) {
   EXPECT_LT((moved - Eigen::Vector3d(1.0, 4.0, 3.5)).norm(), 1e-14);
   EXPECT_EQ(scene.objects[1].remesh, RemeshKind::kNone);
   EXPECT_EQ(scene.objects[1].subdivide_mm, 0.5);
+  EXPECT_TRUE(scene.objects[1].follow_contacts);
+  EXPECT_FALSE(left.follow_contacts);
   EXPECT_FALSE(scene.objects[1].smooth) << "given triangles are flat unless asked otherwise";
 
   ASSERT_EQ(scene.lights.size(), 3U);
