@@ -11,6 +11,7 @@
 
 #include "files/atomic_file.h"
 #include "tests/cli/program.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::cli {
 namespace {
@@ -19,10 +20,8 @@ using testing::HasSubstr;
 using testing::StartsWith;
 namespace fs = std::filesystem;
 
-/// A right-angled corner of two squares under a beam that lights the floor alone, in a folder of its own.
-fs::path corner(const std::string& name) {
-  const fs::path folder = fs::path(testing::TempDir()) / ("cross_check_command_" + name);
-  fs::remove_all(folder);
+/// A right-angled corner of two squares under a beam that lights the floor alone.
+void write_corner(const test::TemporaryFolder& folder) {
   files::write_text_atomically(folder / "floor.obj", "v 0 0 0\nv 8 0 0\nv 8 8 0\nv 0 8 0\nf 1 2 3 4\n");
   files::write_text_atomically(folder / "wall.obj", "v 0 0 0\nv 0 8 0\nv 0 8 8\nv 0 0 8\nf 1 2 3 4\n");
   files::write_text_atomically(folder / "scene.toml", R"(
@@ -54,16 +53,16 @@ height_px = 16
 first_nm = 450
 last_nm = 550
 )");
-  return folder;
 }
 
-ProgramRun cross_check(const fs::path& folder, const std::string& options) {
+ProgramRun cross_check(const test::TemporaryFolder& folder, const std::string& options) {
   return run_program("cross-check '" + (folder / "scene.toml").string() + "' --out '" + (folder / "check").string() +
                      "' --tiles 2 --margin 0.05 " + options + " 2>&1");
 }
 
 TEST(CrossCheckCommand, SaysThatBothMethodsAgreeAndWritesTheReport) {
-  const fs::path folder = corner("agrees");
+  const test::TemporaryFolder folder;
+  write_corner(folder);
   const ProgramRun run = cross_check(folder, "");
   EXPECT_EQ(run.status, 0) << run.output;
   EXPECT_THAT(run.output, StartsWith("agrees: Within 5 % with 99 % confidence"));
@@ -75,7 +74,8 @@ TEST(CrossCheckCommand, SaysThatBothMethodsAgreeAndWritesTheReport) {
 }
 
 TEST(CrossCheckCommand, ClaimsNothingOfAReferenceWithoutItsError) {
-  const fs::path folder = corner("no_error");
+  const test::TemporaryFolder folder;
+  write_corner(folder);
   const ProgramRun picture =
       run_program("run '" + (folder / "scene.toml").string() + "' --out '" + (folder / "out").string() + "' 2>&1");
   ASSERT_EQ(picture.status, 0) << picture.output;
@@ -86,7 +86,8 @@ TEST(CrossCheckCommand, ClaimsNothingOfAReferenceWithoutItsError) {
 
 // A reference that is 100 % uncertain decides nothing; a light of half the power is found.
 TEST(CrossCheckCommand, DisagreesOrIsUndecidedByTheReferencesError) {
-  const fs::path folder = corner("disagrees");
+  const test::TemporaryFolder folder;
+  write_corner(folder);
   const ProgramRun picture =
       run_program("run '" + (folder / "scene.toml").string() + "' --out '" + (folder / "out").string() + "' 2>&1");
   ASSERT_EQ(picture.status, 0) << picture.output;
@@ -104,7 +105,8 @@ TEST(CrossCheckCommand, DisagreesOrIsUndecidedByTheReferencesError) {
 }
 
 TEST(CrossCheckCommand, RefusesOptionsThatNeedAReference) {
-  const fs::path folder = corner("refused");
+  const test::TemporaryFolder folder;
+  write_corner(folder);
   const ProgramRun run = cross_check(folder, "--method path-tracer");
   EXPECT_EQ(run.status, 2);
   EXPECT_THAT(run.output, HasSubstr("--reference"));

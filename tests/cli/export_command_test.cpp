@@ -7,6 +7,7 @@
 
 #include "files/atomic_file.h"
 #include "tests/cli/program.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::cli {
 namespace {
@@ -14,10 +15,8 @@ namespace {
 using testing::HasSubstr;
 namespace fs = std::filesystem;
 
-/// A square of fluorescent paper under a beam, in a folder of its own.
-fs::path glowing_square() {
-  const fs::path folder = fs::path(testing::TempDir()) / "export_command";
-  fs::remove_all(folder);
+/// A square of fluorescent paper under a beam.
+void write_glowing_square(const test::TemporaryFolder& folder) {
   files::write_text_atomically(folder / "floor.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n");
   files::write_text_atomically(folder / "scene.toml", R"(
 [material.paper]
@@ -35,11 +34,11 @@ position_mm = [0, 0, 100]
 target_mm = [0, 0, 0]
 horizontal_fov_deg = 10
 )");
-  return folder;
 }
 
 TEST(ExportCommand, WritesTheSceneAndSaysWhatIsLost) {
-  const fs::path folder = glowing_square();
+  const test::TemporaryFolder folder;
+  write_glowing_square(folder);
   for (const auto& [format, file] :
        {std::pair{"mitsuba3", "scene.xml"}, {"mitsuba06", "scene.xml"}, {"pbrt4", "scene.pbrt"}}) {
     const fs::path out = folder / format;
@@ -54,7 +53,8 @@ TEST(ExportCommand, WritesTheSceneAndSaysWhatIsLost) {
 }
 
 TEST(ExportCommand, RefusesAnUnknownRendererWithTheKnownOnes) {
-  const fs::path folder = glowing_square();
+  const test::TemporaryFolder folder;
+  write_glowing_square(folder);
   const ProgramRun run = run_program("export '" + (folder / "scene.toml").string() + "' --format povray --out '" +
                                      (folder / "out").string() + "' 2>&1");
   EXPECT_EQ(run.status, 2);

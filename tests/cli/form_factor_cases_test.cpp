@@ -11,6 +11,7 @@
 
 #include "diagnostics/error.h"
 #include "files/atomic_file.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::cli {
 namespace {
@@ -19,15 +20,15 @@ using nlohmann::json;
 using testing::AllOf;
 using testing::HasSubstr;
 
-std::filesystem::path written(const std::string& name, const std::string& text) {
-  const std::filesystem::path path = std::filesystem::path(testing::TempDir()) / name;
-  files::write_text_atomically(path, text);
-  return path;
+json evaluated(const std::string& text) {
+  const test::TemporaryFolder folder;
+  files::write_text_atomically(folder / "cases.json", text);
+  return evaluate_form_factor_cases(folder / "cases.json", 0.0);
 }
 
 std::string message_of(const std::string& text) {
   try {
-    evaluate_form_factor_cases(written("bad_cases.json", text), 0.0);
+    evaluated(text);
   } catch (const InvalidInput& error) {
     return error.what();
   }
@@ -86,7 +87,7 @@ TEST(FormFactorCases, OccludedReferenceCasesMeetTheirEstimate) {
 
 TEST(FormFactorCases, NonConvexPolygonIsTheSumOfItsParts) {
   // An L of three unit squares below a 2 x 2 square: additivity, each square by itself as a case.
-  const json result = evaluate_form_factor_cases(written("l_shape.json", R"({"cases": [
+  const json result = evaluated(R"({"cases": [
     {"id": "L", "kind": "ff_polygon_polygon", "geometry": {"poly1": [[0,0,0],[2,0,0],[2,1,0],[1,1,0],[1,2,0],[0,2,0]],
       "poly2": [[0,0,1],[0,2,1],[2,2,1],[2,0,1]]}},
     {"id": "a", "kind": "ff_polygon_polygon", "geometry": {"poly1": [[0,0,0],[1,0,0],[1,1,0],[0,1,0]],
@@ -95,8 +96,7 @@ TEST(FormFactorCases, NonConvexPolygonIsTheSumOfItsParts) {
       "poly2": [[0,0,1],[0,2,1],[2,2,1],[2,0,1]]}},
     {"id": "c", "kind": "ff_polygon_polygon", "geometry": {"poly1": [[0,1,0],[1,1,0],[1,2,0],[0,2,0]],
       "poly2": [[0,0,1],[0,2,1],[2,2,1],[2,0,1]]}},
-    {"id": "other", "kind": "radiosity_cube", "geometry": {}}]})"),
-                                                 0.0);
+    {"id": "other", "kind": "radiosity_cube", "geometry": {}}]})");
   const json& r = result.at("results");
   EXPECT_NEAR(3 * r[0].at("F12").get<double>(),
               r[1].at("F12").get<double>() + r[2].at("F12").get<double>() + r[3].at("F12").get<double>(), 1e-14);
@@ -104,8 +104,8 @@ TEST(FormFactorCases, NonConvexPolygonIsTheSumOfItsParts) {
 }
 
 TEST(FormFactorCases, MessagesNameFileCaseAndKey) {
-  EXPECT_THAT(message_of("{"), AllOf(HasSubstr("bad_cases.json"), HasSubstr("not valid JSON")));
-  EXPECT_THAT(message_of("{}"), AllOf(HasSubstr("bad_cases.json"), HasSubstr("cases")));
+  EXPECT_THAT(message_of("{"), AllOf(HasSubstr("cases.json"), HasSubstr("not valid JSON")));
+  EXPECT_THAT(message_of("{}"), AllOf(HasSubstr("cases.json"), HasSubstr("cases")));
   EXPECT_THAT(message_of(R"({"cases": [{"kind": "ff_polygon_polygon"}]})"), HasSubstr("cases[0].id"));
   EXPECT_THAT(message_of(R"({"cases": [{"id": "x", "kind": "ff_polygon_polygon"}]})"),
               AllOf(HasSubstr("\"x\""), HasSubstr("geometry")));

@@ -8,15 +8,15 @@
 
 #include "files/atomic_file.h"
 #include "tests/cli/program.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::cli {
 namespace {
 
 using testing::HasSubstr;
 
-/// Two facing squares of 1 mm at a distance of 1 mm, in a folder of their own.
-std::filesystem::path two_squares() {
-  const auto folder = std::filesystem::path(testing::TempDir()) / "form_factors_command";
+/// Two facing squares of 1 mm at a distance of 1 mm.
+void write_two_squares(const test::TemporaryFolder& folder) {
   files::write_text_atomically(folder / "floor.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n");
   files::write_text_atomically(folder / "ceiling.obj", "v 0 0 1\nv 0 1 1\nv 1 1 1\nv 1 0 1\nf 1 2 3\nf 1 3 4\n");
   files::write_text_atomically(folder / "scene.toml", R"(
@@ -41,11 +41,11 @@ horizontal_fov_deg = 10
 width_px = 8
 height_px = 8
 )");
-  return folder;
 }
 
 TEST(FormFactorsCommand, PrintsTheTableOfASceneAndWritesItsMatrix) {
-  const auto folder = two_squares();
+  const test::TemporaryFolder folder;
+  write_two_squares(folder);
   const ProgramRun run = run_program("form-factors '" + (folder / "scene.toml").string() +
                                      "' --tolerance 1e-8 --out '" + (folder / "f.mtx").string() + "' 2>&1");
   ASSERT_EQ(run.status, 0) << run.output;
@@ -69,7 +69,8 @@ TEST(FormFactorsCommand, PrintsTheTableOfASceneAndWritesItsMatrix) {
 }
 
 TEST(FormFactorsCommand, RefusesWhatIsNoSceneAndNoMatrixFormat) {
-  const auto folder = two_squares();
+  const test::TemporaryFolder folder;
+  write_two_squares(folder);
   const ProgramRun wrong_input = run_program("form-factors '" + (folder / "floor.obj").string() + "' 2>&1");
   EXPECT_EQ(wrong_input.status, 2);
   EXPECT_THAT(wrong_input.output, HasSubstr("floor.obj"));

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "tests/cli/program.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::cli {
 namespace {
@@ -15,9 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::HasSubstr;
 
-fs::path written(const std::string& file, const std::string& bytes) {
-  const fs::path folder = fs::path(testing::TempDir()) / "interglow_inspect_test";
-  fs::create_directories(folder);
+fs::path written(const test::TemporaryFolder& folder, const std::string& file, const std::string& bytes) {
   std::ofstream(folder / file, std::ios::binary) << bytes;
   return folder / file;
 }
@@ -26,7 +25,8 @@ fs::path written(const std::string& file, const std::string& bytes) {
 const std::string kSquare = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 7 7 7\nf 1 2 3\nf 1 3 4\nf 4 3 1\n";
 
 TEST(InspectCommand, ReportsInNumbers) {
-  const fs::path square = written("square.obj", kSquare);
+  const test::TemporaryFolder folder;
+  const fs::path square = written(folder, "square.obj", kSquare);
   const ProgramRun run = run_program("inspect --json --mm-per-unit 1000 " + square.string());
   EXPECT_EQ(run.status, 0);
   const auto report = nlohmann::json::parse(run.output).at(0);
@@ -41,8 +41,9 @@ TEST(InspectCommand, ReportsInNumbers) {
 }
 
 TEST(InspectCommand, RefusedFilesExitWithTwoAndTheOthersAreReported) {
-  const fs::path good = written("good.obj", kSquare);
-  const fs::path bad = written("bad.obj", "v 1,5 0 0\n");
+  const test::TemporaryFolder folder;
+  const fs::path good = written(folder, "good.obj", kSquare);
+  const fs::path bad = written(folder, "bad.obj", "v 1,5 0 0\n");
   const ProgramRun run = run_program("inspect " + bad.string() + " " + good.string() + " 2>&1");
   EXPECT_EQ(run.status, 2);
   EXPECT_THAT(run.output, HasSubstr("bad.obj:1: \"1,5\" has a comma"));
@@ -53,9 +54,9 @@ TEST(InspectCommand, RefusedFilesExitWithTwoAndTheOthersAreReported) {
 }
 
 TEST(InspectCommand, WritesTheRepairedMesh) {
-  const fs::path square = written("square.obj", kSquare);
+  const test::TemporaryFolder folder;
+  const fs::path square = written(folder, "square.obj", kSquare);
   const fs::path out = square.parent_path() / "repaired.ply";
-  fs::remove(out);
   EXPECT_EQ(run_program("inspect --out " + out.string() + " " + square.string()).status, 0);
   const ProgramRun again = run_program("inspect --json " + out.string());
   EXPECT_EQ(nlohmann::json::parse(again.output).at(0)["result"]["triangles"], 2);

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "diagnostics/error.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::radiosity {
 namespace {
@@ -21,13 +22,6 @@ Transport example() {
   return Transport::from_form_factors(f, Eigen::Vector3d(1, 2, 4));
 }
 
-std::filesystem::path fresh(const char* name) {
-  const auto folder = std::filesystem::path(testing::TempDir()) / "transport_file_test";
-  std::filesystem::create_directories(folder);
-  std::filesystem::remove(folder / name);
-  return folder / name;
-}
-
 std::string content(const std::filesystem::path& path) {
   std::ifstream file(path, std::ios::binary);
   std::ostringstream text;
@@ -36,7 +30,8 @@ std::string content(const std::filesystem::path& path) {
 }
 
 TEST(TransportFile, MatrixMarketListsTheEntriesInFullPrecision) {
-  const auto path = fresh("f.mtx");
+  const test::TemporaryFolder folder;
+  const auto path = folder / "f.mtx";
   write_form_factors(example(), path, "made by a test\nof two lines");
   EXPECT_EQ(content(path),
             "%%MatrixMarket matrix coordinate real general\n% made by a test\n% of two lines\n3 3 7\n"
@@ -44,7 +39,8 @@ TEST(TransportFile, MatrixMarketListsTheEntriesInFullPrecision) {
 }
 
 TEST(TransportFile, NpzIsAnArchiveOfStoredArrays) {
-  const auto path = fresh("f.npz");
+  const test::TemporaryFolder folder;
+  const auto path = folder / "f.npz";
   write_form_factors(example(), path);
   const std::string bytes = content(path);
   EXPECT_EQ(bytes.substr(0, 4), "PK\x03\x04");
@@ -64,7 +60,8 @@ TEST(TransportFile, NpzIsAnArchiveOfStoredArrays) {
 }
 
 TEST(TransportFile, RefusesOtherEndingsAndLeavesNothing) {
-  const auto path = fresh("f.txt");
+  const test::TemporaryFolder folder;
+  const auto path = folder / "f.txt";
   try {
     write_form_factors(example(), path);
     FAIL();
