@@ -54,7 +54,7 @@ struct Obstacles {
     std::vector<Triangle> triangle;
     bool two_sided = false;
     Vector3d low, high;
-    std::optional<SurfaceIndex> index;
+    std::optional<SurfaceIndex> index;  ///< where distances are asked for
   };
   std::vector<One> object;
 };
@@ -364,14 +364,15 @@ class Refiner {
           touching += height[k] == 0.0 ? 1 : 0;
         }
         if (touching == 3) continue;  // it lies on the face: its neighbours that rise from it tell where it ends
-        std::vector<Vector3d> ends;
+        std::array<Vector3d, 3> ends;
+        std::size_t count = 0;
         for (std::size_t k = 0; k < 3; ++k) {
           const double a = height[k];
           const double b = height[(k + 1) % 3];
-          if (a == 0.0) ends.push_back(triangle[k]);
-          if (a * b < 0.0) ends.push_back(triangle[k] + a / (a - b) * (triangle[(k + 1) % 3] - triangle[k]));
+          if (a == 0.0) ends[count++] = triangle[k];
+          if (a * b < 0.0) ends[count++] = triangle[k] + a / (a - b) * (triangle[(k + 1) % 3] - triangle[k]);
         }
-        if (ends.size() != 2) continue;
+        if (count != 2) continue;
         const auto inside = within(face, face.across(ends[0]), face.across(ends[1]));
         if (!inside) continue;
         const double length = (inside->second - inside->first).norm();
@@ -496,7 +497,7 @@ class Refiner {
   std::map<std::pair<int, int>, Split> splits_;
 };
 
-Obstacles obstacles(std::span<const OtherSurface> others) {
+Obstacles obstacles(std::span<const OtherSurface> others, bool with_distances) {
   Obstacles result;
   for (const OtherSurface& other : others) {
     const std::vector<std::array<int, 3>> triangles = triangles_of(*other.patches);
@@ -513,7 +514,7 @@ Obstacles obstacles(std::span<const OtherSurface> others) {
       one.triangle.push_back(triangle);
     }
     one.two_sided = other.two_sided;
-    one.index.emplace(other.patches->points, triangles);
+    if (with_distances) one.index.emplace(other.patches->points, triangles);
     result.object.push_back(std::move(one));
   }
   return result;
@@ -528,7 +529,7 @@ PatchMesh halve_turns(const PatchMesh& mesh, double most_turn_deg) {
 }
 
 PatchMesh follow_contacts(const PatchMesh& mesh, std::span<const OtherSurface> others, int halvings) {
-  const Obstacles surfaces = obstacles(others);
+  const Obstacles surfaces = obstacles(others, halvings > 0);
   Refiner refiner(mesh);
   refiner.cut_along(surfaces);
   if (halvings > 0) refiner.grade_towards(surfaces, halvings);

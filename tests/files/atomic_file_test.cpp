@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "diagnostics/error.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::files {
 namespace {
@@ -20,9 +21,8 @@ std::string content(const std::filesystem::path& path) {
 }
 
 TEST(AtomicFile, KeepsTheOldContentWhenWritingFails) {
-  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "atomic_file_test";
-  const std::filesystem::path path = folder / "deep" / "result.txt";
-  std::filesystem::remove_all(folder);
+  const test::TemporaryFolder folder;
+  const std::filesystem::path path = folder / "deep/result.txt";
   write_text_atomically(path, "first");
   EXPECT_EQ(content(path), "first");
   EXPECT_THROW(write_atomically(path,
@@ -46,8 +46,7 @@ TEST(AtomicFile, NamesAFolderThatCannotBeMade) {
 
 // A process that exits in the middle of writing, as on Ctrl-C.
 TEST(AtomicFile, AbandonedFilesLeaveNoTrace) {
-  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "abandoned_file_test";
-  std::filesystem::remove_all(folder);
+  const test::TemporaryFolder folder;
   write_text_atomically(folder / "result.txt", "first");
   EXPECT_EXIT(write_atomically(folder / "result.txt",
                                [](const std::filesystem::path& temporary) {
@@ -58,7 +57,7 @@ TEST(AtomicFile, AbandonedFilesLeaveNoTrace) {
                                }),
               testing::ExitedWithCode(0), "");
   EXPECT_EQ(content(folder / "result.txt"), "first");
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), {}), 1) << "a temporary file was left";
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1) << "a temporary file was left";
 }
 
 }  // namespace

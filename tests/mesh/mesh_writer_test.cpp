@@ -10,6 +10,7 @@
 
 #include "diagnostics/error.h"
 #include "mesh/scan_file.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::mesh {
 namespace {
@@ -25,20 +26,21 @@ TEST(WriteMesh, EveryBitSurvivesPlyAndObj) {
                              5411877.0 + exponent(random));
   }
   for (int i = 0; i + 2 < 300; ++i) mesh.triangles.push_back({i, i + 1, i + 2});
-  for (const char* file : {"interglow_write_mesh_test.ply", "interglow_write_mesh_test.obj"}) {
-    const fs::path path = fs::path(testing::TempDir()) / file;
+  const test::TemporaryFolder folder;
+  for (const char* file : {"mesh.ply", "mesh.obj"}) {
+    const fs::path path = folder / file;
     write_mesh(path, mesh, "made by\na test");
     const ScanFile read = read_scan(path);
     EXPECT_EQ(read.mesh.points, mesh.points) << file;
     EXPECT_EQ(read.mesh.triangles, mesh.triangles) << file;
     EXPECT_TRUE(read.report.warnings.empty()) << file;
-    fs::remove(path);
   }
 }
 
 TEST(WriteMesh, RefusesOtherFormats) {
-  EXPECT_THROW(write_mesh(fs::path(testing::TempDir()) / "mesh.stl", {}), InvalidInput);
-  EXPECT_FALSE(fs::exists(fs::path(testing::TempDir()) / "mesh.stl"));
+  const test::TemporaryFolder folder;
+  EXPECT_THROW(write_mesh(folder / "mesh.stl", {}), InvalidInput);
+  EXPECT_FALSE(fs::exists(folder / "mesh.stl"));
 }
 
 }  // namespace

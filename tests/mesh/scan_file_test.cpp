@@ -17,6 +17,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/temporary_folder.h"
+
 namespace interglow::mesh {
 namespace {
 
@@ -136,10 +138,10 @@ TEST(ReadScan, TheSameMeshInEveryFormat) {
 }
 
 TEST(ReadScan, ReadsFromDisk) {
-  const fs::path path = fs::path(testing::TempDir()) / "interglow_read_scan_test.OBJ";
+  const test::TemporaryFolder folder;
+  const fs::path path = folder / "scan.OBJ";
   std::ofstream(path, std::ios::binary) << kObj;
   EXPECT_EQ(read_scan(path).mesh.triangles, kTriangles);
-  fs::remove(path);
 }
 
 TEST(ReadScan, ScalesToMillimetres) {

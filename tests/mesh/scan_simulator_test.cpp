@@ -10,6 +10,7 @@
 
 #include "diagnostics/error.h"
 #include "mesh/scan_file.h"
+#include "tests/temporary_folder.h"
 
 namespace interglow::mesh {
 namespace {
@@ -90,9 +91,9 @@ TEST(ScanSimulator, SameSeedSameBits) {
 TEST(ScanSimulator, WrittenFilesAreReadBack) {
   const ScanSimulationParams params{.length_mm = 5};
   const auto objects = simulate_scan(params);
-  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "interglow_scan_simulator";
+  const test::TemporaryFolder folder;
   for (const char* extension : {"ply", "obj"}) {
-    const auto written = write_simulated_scan(objects, params, folder, "pair", extension);
+    const auto written = write_simulated_scan(objects, params, folder.path(), "pair", extension);
     ASSERT_EQ(written.size(), 3u);
     for (std::size_t i = 0; i < 2; ++i) {
       const TriangleMesh read = read_scan(written[i]).mesh;
@@ -102,7 +103,6 @@ TEST(ScanSimulator, WrittenFilesAreReadBack) {
         ASSERT_EQ(read.points[k], objects[i].scan.points[k]);
     }
   }
-  std::filesystem::remove_all(folder);
 }
 
 TEST(ScanSimulator, RefusesParametersOutOfRange) {
