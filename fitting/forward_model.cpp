@@ -15,7 +15,6 @@
 #include "diagnostics/error.h"
 #include "fitting/coverage.h"
 #include "fitting/node_gather.h"
-#include "rendering/ray_scene.h"
 #include "rendering/surface.h"
 
 namespace interglow::fitting {
@@ -205,7 +204,7 @@ struct ForwardModel::Impl {
   ForwardParams params;
   radiosity::Elements elements;
   rendering::Surface surface;
-  rendering::RayScene rays;
+  radiosity::Visibility visibility;
   Triangles triangles;
   radiosity::Transport transport;
   SpectralReduction spectra;
@@ -218,12 +217,12 @@ struct ForwardModel::Impl {
         params(with),
         elements(radiosity::make_elements(scene)),
         surface(scene, elements),
-        rays(elements.faces),
+        visibility(elements.faces),
         triangles(make_triangles(scene, elements, surface,
                                  with.mesh ? kOutline * radius_mm(elements) : std::numeric_limits<double>::infinity())),
         transport(radiosity::Transport::build(elements, exchange(params.transport), progress)),
         spectra(reduce_spectra(scene, scene.directional_lights.front().normal_irradiance, params.spectral_tolerance)),
-        gather(surface, elements, rays) {
+        gather(surface, elements, visibility) {
     const Index per_material = 1 + spectra.modes();
     palette.resize(per_material * static_cast<Index>(scene.materials.size()), spectra.bands());
     for (std::size_t m = 0; m < scene.materials.size(); ++m)

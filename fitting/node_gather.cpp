@@ -44,8 +44,8 @@ void sample_points(const rendering::SeenOutline& piece, int per_side, std::vecto
 }  // namespace
 
 NodeGather::NodeGather(const rendering::Surface& surface, const radiosity::Elements& elements,
-                       const rendering::RayScene& rays)
-    : surface_(surface), elements_(elements), rays_(rays) {
+                       const radiosity::Visibility& visibility)
+    : surface_(surface), elements_(elements), visibility_(visibility) {
   node_.assign(4 * static_cast<std::size_t>(surface.face_count()), {-1, -1, -1, -1, -1, -1});
 }
 
@@ -59,7 +59,7 @@ NodeGather::Row NodeGather::row_at(const rendering::SurfacePoint& point, bool& t
     std::size_t count;
   };
   std::vector<Seen> seen;
-  std::vector<rendering::Segment> segments;
+  std::vector<radiosity::Segment> segments;
   std::vector<Vector3d> samples;
   for (Eigen::Index e = 0; e < elements_.size(); ++e) {
     const auto i = static_cast<std::size_t>(e);
@@ -100,10 +100,10 @@ NodeGather::Row NodeGather::row_at(const rendering::SurfacePoint& point, bool& t
     samples.clear();
     sample_points(piece, factor < kOneRay ? 1 : factor < kFourRays ? 2 : 4, samples);
     seen.push_back({static_cast<int>(e), factor, segments.size(), samples.size()});
-    for (const Vector3d& sample : samples) segments.push_back({point.position, sample, false, point.face});
+    for (const Vector3d& sample : samples) segments.push_back({point.position, sample, point.face, elements_.face[i]});
   }
   std::vector<char> blocked(segments.size(), 0);
-  rays_.blocked(segments, blocked);
+  visibility_.blocked(segments, blocked);
   for (const Seen& one : seen) {
     std::size_t hidden = 0;
     for (std::size_t k = one.first; k < one.first + one.count; ++k) hidden += blocked[k] != 0 ? 1 : 0;

@@ -10,7 +10,6 @@
 #include "diagnostics/progress.h"
 #include "radiosity/elements.h"
 #include "radiosity/transport.h"
-#include "rendering/ray_scene.h"
 #include "rendering/surface.h"
 
 namespace interglow::fitting {
@@ -21,7 +20,8 @@ namespace interglow::fitting {
 class NodeGather {
  public:
   /// Keeps references to all.
-  NodeGather(const rendering::Surface& surface, const radiosity::Elements& elements, const rendering::RayScene& rays);
+  NodeGather(const rendering::Surface& surface, const radiosity::Elements& elements,
+             const radiosity::Visibility& visibility);
 
   /// Half of a face, seen from one side.
   static int side(int face, int half, bool back) { return 4 * face + 2 * half + (back ? 1 : 0); }
@@ -46,7 +46,7 @@ class NodeGather {
 
   const rendering::Surface& surface_;
   const radiosity::Elements& elements_;
-  const rendering::RayScene& rays_;
+  const radiosity::Visibility& visibility_;
   std::vector<std::array<int, 6>> node_;  ///< of each side; -1: not yet
   std::vector<rendering::SurfacePoint> position_;
   std::vector<double> size_mm_;  ///< least width of a triangle of each point

@@ -22,8 +22,9 @@ struct ReleaseScene {
   void operator()(RTCScene scene) const { rtcReleaseScene(scene); }
 };
 
-/// Signed distances below this share of a segment's reach count as touching: a few roundings of double coordinates.
-constexpr double kTouching = 1e-13;
+/// Distances from a plane below this share of the scene's radius count as touching: single precision cannot tell them
+/// from 0. A line that starts so near to a plane crosses it there or nowhere.
+constexpr double kTouching = 1e-6;
 /// Share of a segment at each end in which single precision cannot tell a blocker from the face the segment ends on.
 /// Most of those faces are then never offered to the filter, which costs more than the search.
 constexpr float kEnd = 1e-6F;
@@ -38,6 +39,7 @@ struct Visibility::Impl {
   std::vector<Eigen::Vector3d> anchor;                ///< a point of the face's plane
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();
   double scale = 1.0;
+  double touching = 0.0;  ///< kTouching in mm
   int packet = 1;
 
   int face(unsigned geometry, unsigned primitive) const { return face_of_primitive[geometry][primitive]; }
@@ -61,10 +63,12 @@ bool really_blocks(const SegmentContext& context, unsigned ray, unsigned geometr
   const Segment& segment = context.segments[ray];
   const int face = context.impl->face(geometry, primitive);
   if (face == segment.from_face || face == segment.to_face) return false;
-  const double start = context.impl->height(face, segment.from);
-  const double end = context.impl->height(face, segment.to);
-  const double touching = kTouching * ((segment.to - segment.from).norm() + std::abs(start) + std::abs(end));
-  return (start > touching && end < -touching) || (start < -touching && end > touching);
+  const Visibility::Impl& impl = *context.impl;
+  const double start = impl.height(face, segment.from);
+  if (std::abs(start) <= impl.touching) return false;
+  if (segment.half_line) return start * impl.normal[static_cast<std::size_t>(face)].dot(segment.to) < 0.0;
+  const double end = impl.height(face, segment.to);
+  return std::abs(end) > impl.touching && (start > 0.0) != (end > 0.0);
 }
 
 void keep_real_blockers(const RTCFilterFunctionNArguments* args) {
@@ -79,57 +83,54 @@ void keep_real_blockers(const RTCFilterFunctionNArguments* args) {
   }
 }
 
-struct RayContext {
-  RTCIntersectContext base;
-  const Visibility::Impl* impl;
-  int skip_face;
-};
-
-void keep_other_faces(const RTCFilterFunctionNArguments* args) {
-  const auto& context = *reinterpret_cast<const RayContext*>(args->context);
-  for (unsigned lane = 0; lane < args->N; ++lane) {
-    if (args->valid[lane] == 0) continue;
-    const int face =
-        context.impl->face(RTCHitN_geomID(args->hit, args->N, lane), RTCHitN_primID(args->hit, args->N, lane));
-    if (face == context.skip_face) args->valid[lane] = 0;
-  }
-}
-
-template <class Context>
-Context make_context(RTCFilterFunctionN filter) {
-  Context context{};
+SegmentContext segment_context(const Visibility::Impl& impl) {
+  SegmentContext context{};
   rtcInitIntersectContext(&context.base);
-  context.base.filter = filter;
+  context.base.filter = keep_real_blockers;
+  context.impl = &impl;
   return context;
 }
 
+/// A ray in Embree's coordinates.
+struct LocalRay {
+  Eigen::Vector3f origin;
+  Eigen::Vector3f direction;
+  float near = 0.0F;
+  float far = std::numeric_limits<float>::infinity();
+};
+
+LocalRay local_ray(const Visibility::Impl& impl, const Segment& segment) {
+  const Eigen::Vector3f from = impl.local(segment.from);
+  if (segment.half_line) return {from, segment.to.cast<float>()};
+  return {from, impl.local(segment.to) - from, kEnd, 1.0F - kEnd};
+}
+
 template <class Ray>
-void set_lane(Ray& ray, unsigned lane, const Eigen::Vector3f& origin, const Eigen::Vector3f& direction, float near,
-              float far, unsigned id) {
-  ray.org_x[lane] = origin.x();
-  ray.org_y[lane] = origin.y();
-  ray.org_z[lane] = origin.z();
-  ray.dir_x[lane] = direction.x();
-  ray.dir_y[lane] = direction.y();
-  ray.dir_z[lane] = direction.z();
-  ray.tnear[lane] = near;
-  ray.tfar[lane] = far;
+void set_lane(Ray& ray, unsigned lane, const LocalRay& local) {
+  ray.org_x[lane] = local.origin.x();
+  ray.org_y[lane] = local.origin.y();
+  ray.org_z[lane] = local.origin.z();
+  ray.dir_x[lane] = local.direction.x();
+  ray.dir_y[lane] = local.direction.y();
+  ray.dir_z[lane] = local.direction.z();
+  ray.tnear[lane] = local.near;
+  ray.tfar[lane] = local.far;
   ray.time[lane] = 0.0F;
   ray.mask[lane] = ~0U;
-  ray.id[lane] = id;
+  ray.id[lane] = lane;
   ray.flags[lane] = 0;
 }
 
-RTCRay single_ray(const Eigen::Vector3f& origin, const Eigen::Vector3f& direction, float near, float far) {
+RTCRay single_ray(const LocalRay& local) {
   RTCRay ray{};
-  ray.tnear = near;
-  ray.org_x = origin.x();
-  ray.org_y = origin.y();
-  ray.org_z = origin.z();
-  ray.dir_x = direction.x();
-  ray.dir_y = direction.y();
-  ray.dir_z = direction.z();
-  ray.tfar = far;
+  ray.tnear = local.near;
+  ray.org_x = local.origin.x();
+  ray.org_y = local.origin.y();
+  ray.org_z = local.origin.z();
+  ray.dir_x = local.direction.x();
+  ray.dir_y = local.direction.y();
+  ray.dir_z = local.direction.z();
+  ray.tfar = local.far;
   ray.mask = ~0U;
   return ray;
 }
@@ -138,8 +139,7 @@ RTCRay single_ray(const Eigen::Vector3f& origin, const Eigen::Vector3f& directio
 template <unsigned Size, class Ray, class Query>
 void blocked_in_packets(const Visibility::Impl& impl, std::span<const Segment> segments, std::span<char> result,
                         Query query) {
-  auto context = make_context<SegmentContext>(keep_real_blockers);
-  context.impl = &impl;
+  SegmentContext context = segment_context(impl);
   alignas(64) int valid[Size];
   alignas(64) Ray ray;
   for (std::size_t first = 0; first < segments.size(); first += Size) {
@@ -147,18 +147,38 @@ void blocked_in_packets(const Visibility::Impl& impl, std::span<const Segment> s
     context.segments = segments.data() + first;
     for (unsigned lane = 0; lane < Size; ++lane) {
       valid[lane] = lane < count ? -1 : 0;
-      const Segment& segment = segments[first + std::min(lane, count - 1)];
-      const Eigen::Vector3f from = impl.local(segment.from);
-      set_lane(ray, lane, from, impl.local(segment.to) - from, kEnd, 1.0F - kEnd, lane);
+      set_lane(ray, lane, local_ray(impl, segments[first + std::min(lane, count - 1)]));
     }
     query(valid, impl.scene.get(), &context.base, &ray);
     for (unsigned lane = 0; lane < count; ++lane) result[first + lane] = ray.tfar[lane] < 0.0F ? 1 : 0;
   }
 }
 
+/// The same for the first faces along half-lines from one point.
 template <unsigned Size, class RayAndHit, class Query>
-void hits_in_packets(const Visibility::Impl& impl, std::span<const Eigen::Vector3d> origins,
-                     std::span<const Eigen::Vector3d> directions, std::span<RayHit> hits, Query query);
+void faces_in_packets(const Visibility::Impl& impl, const Eigen::Vector3f& origin,
+                      std::span<const Eigen::Vector3d> directions, std::span<int> faces, Query query) {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  alignas(64) int valid[Size];
+  alignas(64) RayAndHit packet;
+  for (std::size_t first = 0; first < directions.size(); first += Size) {
+    const auto count = static_cast<unsigned>(std::min<std::size_t>(Size, directions.size() - first));
+    for (unsigned lane = 0; lane < Size; ++lane) {
+      valid[lane] = lane < count ? -1 : 0;
+      set_lane(packet.ray, lane, {origin, directions[first + std::min(lane, count - 1)].template cast<float>()});
+      packet.hit.geomID[lane] = RTC_INVALID_GEOMETRY_ID;
+      packet.hit.instID[0][lane] = RTC_INVALID_GEOMETRY_ID;
+    }
+    query(valid, impl.scene.get(), &context, &packet);
+    for (unsigned lane = 0; lane < count; ++lane) {
+      faces[first + lane] = packet.hit.geomID[lane] == RTC_INVALID_GEOMETRY_ID
+                                ? -1
+                                : impl.face(packet.hit.geomID[lane], packet.hit.primID[lane]);
+    }
+  }
+}
 
 }  // namespace
 
@@ -204,6 +224,7 @@ Visibility::Visibility(const Faces& faces) : impl_(std::make_unique<Impl>()) {
     const double extent = (high - low).maxCoeff();
     // A power of two, so that scaling alone rounds nothing.
     if (extent > 0.0) impl_->scale = std::exp2(-std::floor(std::log2(extent)));
+    impl_->touching = kTouching * 0.5 * (high - low).norm();
   }
   for (const mesh::Face& face : faces.corners) {
     const auto point = [&](std::size_t k) -> const Eigen::Vector3d& {
@@ -230,86 +251,31 @@ Visibility::~Visibility() = default;
 Visibility::Visibility(Visibility&&) noexcept = default;
 Visibility& Visibility::operator=(Visibility&&) noexcept = default;
 
-namespace {
-
-/// The hit in double precision, from what Embree found.
-RayHit exact_hit(const Visibility::Impl& impl, int face, double distance_found, const Eigen::Vector3d& origin,
-                 const Eigen::Vector3d& direction) {
-  const double speed = impl.normal[static_cast<std::size_t>(face)].dot(direction);
-  const double height = impl.height(face, origin);
-  // A ray that grazes the plane has no stable crossing: the single-precision distance is the better one.
-  const bool grazing = std::abs(speed) < 1e-6 * direction.norm();
-  RayHit hit;
-  hit.face = face;
-  hit.distance = grazing ? distance_found : -height / speed;
-  hit.front = speed < 0.0;
-  hit.point = origin + hit.distance * direction;
-  return hit;
-}
-
-template <unsigned Size, class RayAndHit, class Query>
-void hits_in_packets(const Visibility::Impl& impl, std::span<const Eigen::Vector3d> origins,
-                     std::span<const Eigen::Vector3d> directions, std::span<RayHit> hits, Query query) {
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  alignas(64) int valid[Size];
-  alignas(64) RayAndHit packet;
-  for (std::size_t first = 0; first < origins.size(); first += Size) {
-    const auto count = static_cast<unsigned>(std::min<std::size_t>(Size, origins.size() - first));
-    for (unsigned lane = 0; lane < Size; ++lane) {
-      valid[lane] = lane < count ? -1 : 0;
-      const std::size_t k = first + std::min(lane, count - 1);
-      set_lane(packet.ray, lane, impl.local(origins[k]), (directions[k] * impl.scale).template cast<float>(), 0.0F,
-               std::numeric_limits<float>::infinity(), lane);
-      packet.hit.geomID[lane] = RTC_INVALID_GEOMETRY_ID;
-      packet.hit.instID[0][lane] = RTC_INVALID_GEOMETRY_ID;
-    }
-    query(valid, impl.scene.get(), &context, &packet);
-    for (unsigned lane = 0; lane < count; ++lane) {
-      const std::size_t k = first + lane;
-      hits[k] = packet.hit.geomID[lane] == RTC_INVALID_GEOMETRY_ID
-                    ? RayHit{}
-                    : exact_hit(impl, impl.face(packet.hit.geomID[lane], packet.hit.primID[lane]),
-                                static_cast<double>(packet.ray.tfar[lane]), origins[k], directions[k]);
-    }
-  }
-}
-
-}  // namespace
-
-std::optional<RayHit> Visibility::first_hit(const Eigen::Vector3d& origin, const Eigen::Vector3d& direction,
-                                            int skip_face) const {
-  auto context = make_context<RayContext>(keep_other_faces);
-  context.impl = impl_.get();
-  context.skip_face = skip_face;
-  RTCRayHit query{};
-  query.ray = single_ray(impl_->local(origin), (direction * impl_->scale).cast<float>(), 0.0F,
-                         std::numeric_limits<float>::infinity());
-  query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
-  query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  rtcIntersect1(impl_->scene.get(), &context.base, &query);
-  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return std::nullopt;
-  return exact_hit(*impl_, impl_->face(query.hit.geomID, query.hit.primID), static_cast<double>(query.ray.tfar), origin,
-                   direction);
-}
-
-void Visibility::first_hits(std::span<const Eigen::Vector3d> origins, std::span<const Eigen::Vector3d> directions,
-                            std::span<RayHit> hits) const {
+void Visibility::first_faces(const Eigen::Vector3d& origin, std::span<const Eigen::Vector3d> directions,
+                             std::span<int> faces) const {
+  const Eigen::Vector3f start = impl_->local(origin);
   if (impl_->packet == 16) {
-    hits_in_packets<16, RTCRayHit16>(*impl_, origins, directions, hits, rtcIntersect16);
+    faces_in_packets<16, RTCRayHit16>(*impl_, start, directions, faces, rtcIntersect16);
   } else if (impl_->packet == 8) {
-    hits_in_packets<8, RTCRayHit8>(*impl_, origins, directions, hits, rtcIntersect8);
+    faces_in_packets<8, RTCRayHit8>(*impl_, start, directions, faces, rtcIntersect8);
   } else {
-    for (std::size_t k = 0; k < origins.size(); ++k) hits[k] = first_hit(origins[k], directions[k]).value_or(RayHit{});
+    for (std::size_t k = 0; k < directions.size(); ++k) {
+      RTCIntersectContext context;
+      rtcInitIntersectContext(&context);
+      RTCRayHit query{};
+      query.ray = single_ray({start, directions[k].cast<float>()});
+      query.hit.geomID = RTC_INVALID_GEOMETRY_ID;
+      query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+      rtcIntersect1(impl_->scene.get(), &context, &query);
+      faces[k] = query.hit.geomID == RTC_INVALID_GEOMETRY_ID ? -1 : impl_->face(query.hit.geomID, query.hit.primID);
+    }
   }
 }
 
 bool Visibility::blocked(const Segment& segment) const {
-  auto context = make_context<SegmentContext>(keep_real_blockers);
-  context.impl = impl_.get();
+  SegmentContext context = segment_context(*impl_);
   context.segments = &segment;
-  const Eigen::Vector3f from = impl_->local(segment.from);
-  RTCRay ray = single_ray(from, impl_->local(segment.to) - from, kEnd, 1.0F - kEnd);
+  RTCRay ray = single_ray(local_ray(*impl_, segment));
   rtcOccluded1(impl_->scene.get(), &context.base, &ray);
   return ray.tfar < 0.0F;
 }

@@ -6,7 +6,6 @@
 #include "mesh/surface_index.h"
 #include "rendering/camera_rays.h"
 #include "rendering/paper_images.h"
-#include "rendering/ray_scene.h"
 #include "rendering/surface.h"
 
 namespace interglow::rendering {
@@ -35,7 +34,7 @@ void add_projected_terms(const scene::Scene& scene, const RenderedImages& images
 
 std::vector<int> contact_region(const scene::Scene& scene, const radiosity::Elements& elements, double distance_mm) {
   const CameraRays camera = camera_rays(scene.camera);
-  const RayScene rays(elements.faces);
+  const radiosity::Visibility visibility(elements.faces);
   const Surface surface(scene, elements);
   std::vector<mesh::SurfaceIndex> indices;
   for (const scene::Object& object : scene.objects) {
@@ -49,7 +48,7 @@ std::vector<int> contact_region(const scene::Scene& scene, const radiosity::Elem
     for (std::size_t column = 0; column < width; ++column) {
       directions[column] = camera.direction(static_cast<double>(column) + 0.5, row + 0.5);
     }
-    rays.first_faces(camera.origin, directions, faces);
+    visibility.first_faces(camera.origin, directions, faces);
     for (std::size_t column = 0; column < width; ++column) {
       if (faces[column] < 0) continue;
       const Eigen::Vector3d point = surface.meet(faces[column], camera.origin, directions[column]);

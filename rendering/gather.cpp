@@ -62,7 +62,7 @@ Vector3d centroid(const Piece& piece) {
 }  // namespace
 
 struct Gatherer::Impl {
-  const RayScene* rays = nullptr;
+  const radiosity::Visibility* visibility = nullptr;
   double tolerance = 0.0;
   int channels = 0;
   std::vector<Node> nodes;
@@ -174,11 +174,11 @@ void Gatherer::Impl::finish(int index) {
   }
 }
 
-Gatherer::Gatherer(const radiosity::Elements& elements, const RayScene& rays, const radiosity::RowMatrix& sources,
-                   const Eigen::VectorXd& strength, double tolerance)
+Gatherer::Gatherer(const radiosity::Elements& elements, const radiosity::Visibility& visibility,
+                   const radiosity::RowMatrix& sources, const Eigen::VectorXd& strength, double tolerance)
     : impl_(std::make_unique<Impl>()) {
   Impl& impl = *impl_;
-  impl.rays = &rays;
+  impl.visibility = &visibility;
   impl.tolerance = tolerance;
   impl.channels = static_cast<int>(sources.cols());
   const auto count = static_cast<int>(elements.size());
@@ -287,7 +287,7 @@ struct Scratch {
   std::vector<Candidate> mixed;
   std::vector<Piece> pieces;
   std::vector<Piece> parts;
-  std::vector<Segment> segments;
+  std::vector<radiosity::Segment> segments;
   std::vector<char> blocked;
 };
 
@@ -343,7 +343,7 @@ void Gatherer::irradiance(const SurfacePoint& point, double* out) const {
   const auto aim = [&](const Vector3d& target) {
     // Points at or below the horizon are not seen in any case.
     if (point.normal.dot(target - point.position) > 0.0)
-      scratch.segments.push_back({point.position, target, false, point.face});
+      scratch.segments.push_back({point.position, target, point.face});
   };
   const auto shape_of = [&](const Candidate& candidate) -> const Piece& {
     return candidate.piece >= 0 ? scratch.pieces[static_cast<std::size_t>(candidate.piece)]
@@ -448,7 +448,7 @@ void Gatherer::irradiance(const SurfacePoint& point, double* out) const {
       candidate.segments = static_cast<int>(scratch.segments.size()) - candidate.first_segment;
     }
     scratch.blocked.resize(scratch.segments.size());
-    impl.rays->blocked(scratch.segments, scratch.blocked);
+    impl.visibility->blocked(scratch.segments, scratch.blocked);
 
     scratch.mixed.clear();
     for (const Candidate& candidate : scratch.candidates) {

@@ -8,7 +8,7 @@
 
 #include "radiosity/elements.h"
 #include "radiosity/transport.h"
-#include "rendering/ray_scene.h"
+#include "radiosity/visibility.h"
 
 namespace interglow::rendering {
 
@@ -30,9 +30,9 @@ class Gatherer {
   /// @param sources    elements x channels
   /// @param strength   one value an element, >= 0: size of its sources, in the unit of `tolerance`
   /// @param tolerance  wanted absolute error of Σ_j K(x, j) strength_j, > 0
-  /// Keeps references to elements and rays.
-  Gatherer(const radiosity::Elements& elements, const RayScene& rays, const radiosity::RowMatrix& sources,
-           const Eigen::VectorXd& strength, double tolerance);
+  /// Keeps references to elements and visibility.
+  Gatherer(const radiosity::Elements& elements, const radiosity::Visibility& visibility,
+           const radiosity::RowMatrix& sources, const Eigen::VectorXd& strength, double tolerance);
   ~Gatherer();
 
   /// Writes one value a channel. Thread-safe; the same bits for the same point.

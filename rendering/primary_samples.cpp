@@ -66,7 +66,7 @@ struct Tracer {
   const scene::Scene& scene;
   const CameraRays& camera;
   const Surface& surface;
-  const RayScene& rays;
+  const radiosity::Visibility& visibility;
 
   std::size_t beams() const { return scene.directional_lights.size(); }
 
@@ -77,9 +77,9 @@ struct Tracer {
     directions.reserve(places.size());
     for (const Vector2d& place : places) directions.push_back(camera.direction(place.x(), place.y()));
     std::vector<int> face(places.size());
-    rays.first_faces(camera.origin, directions, face);
+    visibility.first_faces(camera.origin, directions, face);
 
-    std::vector<Segment> segments;
+    std::vector<radiosity::Segment> segments;
     struct Pending {
       std::size_t slot;
       float weight;
@@ -100,18 +100,18 @@ struct Tracer {
         if (!(light.half_angle_rad > 0.0)) {
           const double cosine = -point.normal.dot(light.direction);
           if (cosine <= 0.0) continue;
-          segments.push_back({point.position, -light.direction, true, point.face});
+          segments.push_back({point.position, -light.direction, point.face, -1, true});
           pending.push_back({p * beams() + l, static_cast<float>(cosine)});
           continue;
         }
         disk_rays(light, point, static_cast<int>(p), [&](const Vector3d& to_light, double weight) {
-          segments.push_back({point.position, to_light, true, point.face});
+          segments.push_back({point.position, to_light, point.face, -1, true});
           pending.push_back({p * beams() + l, static_cast<float>(weight)});
         });
       }
     }
     std::vector<char> blocked(segments.size());
-    rays.blocked(segments, blocked);
+    visibility.blocked(segments, blocked);
     for (std::size_t s = 0; s < pending.size(); ++s) {
       if (!blocked[s]) beam[pending[s].slot] += pending[s].weight;
     }
@@ -143,8 +143,9 @@ struct Tracer {
 }  // namespace
 
 PrimarySamples primary_samples(const scene::Scene& scene, const CameraRays& camera, const Surface& surface,
-                               const RayScene& rays, int samples_per_side, const Progress& progress) {
-  const Tracer tracer{scene, camera, surface, rays};
+                               const radiosity::Visibility& visibility, int samples_per_side,
+                               const Progress& progress) {
+  const Tracer tracer{scene, camera, surface, visibility};
   const auto width = static_cast<std::size_t>(camera.width);
   const auto height = static_cast<std::size_t>(camera.height);
   const std::size_t beams = tracer.beams();

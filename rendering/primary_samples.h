@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "diagnostics/progress.h"
+#include "radiosity/visibility.h"
 #include "rendering/camera_rays.h"
-#include "rendering/ray_scene.h"
 #include "rendering/surface.h"
 #include "scene/scene.h"
 
@@ -32,6 +32,6 @@ struct PrimarySamples {
 
 /// Cost O(pixels) + samples_per_side² for each divided pixel. Same result for any number of threads.
 PrimarySamples primary_samples(const scene::Scene& scene, const CameraRays& camera, const Surface& surface,
-                               const RayScene& rays, int samples_per_side, const Progress& progress);
+                               const radiosity::Visibility& visibility, int samples_per_side, const Progress& progress);
 
 }  // namespace interglow::rendering

@@ -18,7 +18,6 @@
 #include "rendering/irradiance_field.h"
 #include "rendering/light_channels.h"
 #include "rendering/primary_samples.h"
-#include "rendering/ray_scene.h"
 #include "rendering/surface.h"
 
 namespace interglow::rendering {
@@ -112,8 +111,8 @@ RenderedImages render(const scene::Scene& scene, const radiosity::Elements& elem
   RenderedImages images;
   Stopwatch ray_time;
   const Surface surface(scene, elements);
-  const RayScene rays(elements.faces);
-  const PrimarySamples samples = primary_samples(scene, camera, surface, rays, params.samples_per_side, progress);
+  const radiosity::Visibility visibility(elements.faces);
+  const PrimarySamples samples = primary_samples(scene, camera, surface, visibility, params.samples_per_side, progress);
   images.report.primary_rays = samples.rays;
   images.report.divided_pixels = samples.divided_pixels;
   images.report.seconds_rays = ray_time.seconds();
@@ -140,7 +139,7 @@ RenderedImages render(const scene::Scene& scene, const radiosity::Elements& elem
       if (seen[static_cast<std::size_t>(side)] && material_of(side) >= 0) visible.push_back(side);
     }
     const double tolerance = params.gather_tolerance * channels.mean_irradiance;
-    gatherer.emplace(elements, rays, channels.source, channels.strength, tolerance);
+    gatherer.emplace(elements, visibility, channels.source, channels.strength, tolerance);
     field.emplace(surface, *gatherer, camera, visible, channels.weight, tolerance, progress);
     images.report.gather_points = static_cast<std::int64_t>(field->gather_points());
   }

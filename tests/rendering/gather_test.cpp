@@ -19,13 +19,13 @@ using test::level_square;
 /// Irradiance at points of a scene whose object k radiates B_k.
 struct Bench {
   radiosity::Elements elements;
-  RayScene rays;
+  radiosity::Visibility visibility;
   Gatherer gatherer;
 
   Bench(const scene::Scene& scene, const std::vector<double>& object_radiosity, double tolerance)
       : elements(radiosity::make_elements(scene)),
-        rays(elements.faces),
-        gatherer(elements, rays, source(object_radiosity), source(object_radiosity).col(0), tolerance) {}
+        visibility(elements.faces),
+        gatherer(elements, visibility, source(object_radiosity), source(object_radiosity).col(0), tolerance) {}
 
   radiosity::RowMatrix source(const std::vector<double>& object_radiosity) const {
     radiosity::RowMatrix values(elements.size(), 1);
