@@ -2,9 +2,11 @@
 // Error against time of ways to compute unoccluded form factors, one core: product rules of 1 to 6 points per
 // direction, the contour integral, random lines, and the automatic choice. Pairs of a cube of 12 x 12 quads a face, by
 // the gap between their centres in patch sizes: near (below 1.5: touching), middle (below 5) and far. The error of
-// every method is measured against the contour integral at round-off before the method is timed.
-// scripts/plot_form_factor_error draws the result.
-//   form_factor_error_benchmark --benchmark_out=error.json --benchmark_out_format=json
+// every method is measured against the contour integral at round-off before the method is timed. At the end, for each
+// point of the automatic choice, its time over that of the fastest other method of no larger error, from the least of
+// all repetitions. scripts/plot_form_factor_error draws the result.
+//   form_factor_error_benchmark --benchmark_repetitions=5 --benchmark_enable_random_interleaving=true
+//     --benchmark_out=error.json --benchmark_out_format=json
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -12,6 +14,9 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
+#include <iostream>
+#include <limits>
+#include <map>
 #include <numbers>
 #include <random>
 #include <string>
@@ -152,6 +157,56 @@ Method random_lines(int lines) {
   };
 }
 
+/// What one method does to the pairs of one set.
+struct Point {
+  double seconds = std::numeric_limits<double>::infinity();  ///< a pair, least of all repetitions
+  double largest_error = 0.0;
+};
+
+/// The console's table, and how far the automatic choice is from the lower envelope of all others.
+class EnvelopeReporter : public benchmark::ConsoleReporter {
+ public:
+  void ReportRuns(const std::vector<Run>& runs) override {
+    for (const Run& run : runs) {
+      if (run.run_type != Run::RT_Iteration || run.counters.count("seconds_a_pair") == 0) continue;
+      Point& point = points_[run.run_name.function_name];
+      point.seconds = std::min(point.seconds, static_cast<double>(run.counters.at("seconds_a_pair")));
+      point.largest_error = run.counters.at("largest_error");
+    }
+    ConsoleReporter::ReportRuns(runs);
+  }
+
+  void Finalize() override {
+    std::map<std::string, double> largest;
+    for (const auto& [name, point] : points_) {
+      if (name.find("/automatic/") == std::string::npos) continue;
+      const std::string set = name.substr(0, name.find('/') + 1);
+      const Point* best = nullptr;
+      std::string best_name;
+      for (const auto& [other_name, other] : points_) {
+        if (other_name.rfind(set, 0) != 0 || other_name.find("/automatic/") != std::string::npos) continue;
+        if (other.largest_error <= point.largest_error && (best == nullptr || other.seconds < best->seconds)) {
+          best = &other;
+          best_name = other_name;
+        }
+      }
+      GetOutputStream() << name << ": error " << point.largest_error << ", " << 1e9 * point.seconds << " ns, ";
+      if (best == nullptr) {
+        GetOutputStream() << "nothing else is as exact\n";
+        continue;
+      }
+      const double ratio = point.seconds / best->seconds;
+      largest[set] = std::max(largest[set], ratio);
+      GetOutputStream() << ratio << " times " << best_name << '\n';
+    }
+    for (const auto& [set, ratio] : largest) GetOutputStream() << set << " largest ratio " << ratio << '\n';
+    ConsoleReporter::Finalize();
+  }
+
+ private:
+  std::map<std::string, Point> points_;
+};
+
 void add(const std::string& method, const std::string& setting, const Method& run) {
   constexpr std::array<const char*, 3> kSets{"near", "middle", "far"};
   for (std::size_t set = 0; set < kSets.size(); ++set) {
@@ -175,6 +230,7 @@ int main(int argc, char** argv) {
   for (int lines = 16; lines <= 4096; lines *= 4) add("random lines", std::to_string(lines), random_lines(lines));
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
-  benchmark::RunSpecifiedBenchmarks();
+  EnvelopeReporter reporter;
+  benchmark::RunSpecifiedBenchmarks(&reporter);
   benchmark::Shutdown();
 }
