@@ -32,7 +32,7 @@ bool Range::contains(double value) const {
 }
 
 std::string Range::text() const {
-  const std::string above = fmt::format("a number {} {}", least_excluded ? "above" : "of at least", least);
+  std::string above = fmt::format("a number {} {}", least_excluded ? "above" : "of at least", least);
   if (least <= -1e300 && most >= 1e300) return "a finite number";
   if (most >= 1e300) return above;
   if (!least_excluded && !most_excluded) return fmt::format("a number from {} to {}", least, most);

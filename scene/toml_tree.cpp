@@ -59,7 +59,7 @@ TomlNode convert(const TomlValue& value, const std::string& name) {
         return std::tie(a.line, a.column, a.key) < std::tie(b.line, b.column, b.key);
       });
       TomlTable table;
-      for (PlacedEntry& entry : placed) table.entries.emplace_back(std::move(entry.key), std::move(entry.node));
+      for (PlacedEntry& entry : placed) table.entries.push_back({std::move(entry.key), std::move(entry.node)});
       node.value = std::move(table);
       break;
     }

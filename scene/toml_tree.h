@@ -6,23 +6,27 @@
 #include <filesystem>
 #include <string>
 #include <string_view>
-#include <utility>
 #include <variant>
 #include <vector>
 
 namespace interglow::scene {
 
-struct TomlNode;
+struct TomlEntry;
 
 /// Keys with their values in the order of the document.
 struct TomlTable {
-  std::vector<std::pair<std::string, TomlNode>> entries;
+  std::vector<TomlEntry> entries;
 };
 
 struct TomlNode {
   int line = 0;  ///< 1-based
   std::variant<bool, std::int64_t, double, std::string, std::vector<TomlNode>, TomlTable> value;
   std::string text() const;  ///< as one would write it, shortened; for messages
+};
+
+struct TomlEntry {
+  std::string key;
+  TomlNode node;
 };
 
 /// @throws InvalidInput "file:line: ..." for a file that cannot be read or is not TOML; dates are refused (nothing uses

@@ -25,17 +25,17 @@ TEST(TomlTree, KeepsLinesAndTheOrderOfTheDocument) {
   const TomlNode document = parse_toml("z = 1\na = 2.5\n\n[m.late]\nx = true\n[m.early]\ny = \"w\"\n", "some.toml");
   const auto& top = std::get<TomlTable>(document.value).entries;
   ASSERT_EQ(top.size(), 3U);
-  EXPECT_EQ(top[0].first, "z");
-  EXPECT_EQ(std::get<std::int64_t>(top[0].second.value), 1);
-  EXPECT_EQ(top[1].first, "a");
-  EXPECT_EQ(std::get<double>(top[1].second.value), 2.5);
-  EXPECT_EQ(top[1].second.line, 2);
-  const auto& tables = std::get<TomlTable>(top[2].second.value).entries;
+  EXPECT_EQ(top[0].key, "z");
+  EXPECT_EQ(std::get<std::int64_t>(top[0].node.value), 1);
+  EXPECT_EQ(top[1].key, "a");
+  EXPECT_EQ(std::get<double>(top[1].node.value), 2.5);
+  EXPECT_EQ(top[1].node.line, 2);
+  const auto& tables = std::get<TomlTable>(top[2].node.value).entries;
   ASSERT_EQ(tables.size(), 2U);
-  EXPECT_EQ(tables[0].first, "late");
-  EXPECT_EQ(tables[0].second.line, 4);
-  EXPECT_EQ(tables[1].first, "early");
-  EXPECT_EQ(std::get<TomlTable>(tables[1].second.value).entries[0].second.line, 7);
+  EXPECT_EQ(tables[0].key, "late");
+  EXPECT_EQ(tables[0].node.line, 4);
+  EXPECT_EQ(tables[1].key, "early");
+  EXPECT_EQ(std::get<TomlTable>(tables[1].node.value).entries[0].node.line, 7);
 }
 
 TEST(TomlTree, NamesTheLineThatIsNotToml) {
