@@ -113,7 +113,9 @@ class ContourSum {
     if (!parallel) {
       const Vector between = q0 - p0;
       pair.along_outer = between.cross(v).dot(cross) / (pair.sine * pair.sine);
-      pair.along_inner = between.cross(u).dot(cross) / (pair.sine * pair.sine);
+      // The same point on the inner line. On its own it would be as uncertain, and where both edges lie on one line up
+      // to rounding, a crossing that the two place differently shifts the edges against each other.
+      pair.along_inner = pair.along_outer * u.dot(v) - between.dot(v);
       pair.gap = std::abs(between.dot(cross)) / pair.sine;
       // A corner that both edges share is the crossing, without rounding.
       const bool from_start = p0 == q0 || p0 == q1, from_end = p1 == q0 || p1 == q1;

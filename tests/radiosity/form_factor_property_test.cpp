@@ -189,5 +189,31 @@ TEST(FormFactorProperties, PartsOfEitherPatchAddUpToTheWhole) {
   }
 }
 
+TEST(FormFactorProperties, StripsWhoseEdgesLieOnOneLineAddUpToTheWhole) {
+  // Unit squares at a right angle along a common edge, cut across it at different places: the strips' edges lie on one
+  // line up to rounding, overlap or stand apart. Closed form of the whole: Hottel and Sarofim 1967.
+  const double whole =
+      (2 * std::atan(1.0) - std::sqrt(2.0) * std::atan(std::sqrt(0.5)) + std::log(0.75) / 4) / std::numbers::pi;
+  std::mt19937_64 random(23);
+  std::uniform_real_distribution<double> signed_unit(-1, 1);
+  for (int turn = 0; turn < 100; ++turn) {
+    // A floor as scenes have it: one coordinate is exact, so that the lines meet exactly, but anywhere.
+    const double angle = std::numbers::pi * signed_unit(random);
+    const Vector3d u(std::cos(angle), 0, std::sin(angle)), v(-u.z(), 0, u.x()), n = u.cross(v);
+    const double scale = std::pow(10.0, signed_unit(random));
+    const Vector3d origin = scale * Vector3d(signed_unit(random), 0, signed_unit(random));
+    const int floor_strips = 2 + turn % 5, wall_strips = 3 + turn % 4;
+    double sum = 0;
+    for (int i = 0; i < floor_strips; ++i) {
+      const Vector3d a = origin + double(i) / floor_strips * u, b = origin + double(i + 1) / floor_strips * u;
+      for (int j = 0; j < wall_strips; ++j) {
+        const Vector3d c = origin + double(j) / wall_strips * u, d = origin + double(j + 1) / wall_strips * u;
+        sum += exchange_area(quad(a, b, b + v, a + v), quad(d, c, c + n, d + n), 0.0).value;
+      }
+    }
+    EXPECT_NEAR(sum, whole, 1e-12) << "turn " << turn << ": " << floor_strips << " and " << wall_strips << " strips";
+  }
+}
+
 }  // namespace
 }  // namespace interglow::radiosity
