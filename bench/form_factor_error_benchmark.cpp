@@ -115,9 +115,9 @@ Method automatic(double tolerance) {
   };
 }
 
-Method product_rule(int points) {
-  return [points](const Pairs& p, std::vector<double>& found) {
-    the_case().batch.exchange_areas_by_rule(p.one, p.others, points, {found.data(), p.others.size()});
+Method fixed_rule(FixedRule rule) {
+  return [rule](const Pairs& p, std::vector<double>& found) {
+    the_case().batch.exchange_areas_by_rule(p.one, p.others, rule, {found.data(), p.others.size()});
   };
 }
 
@@ -225,8 +225,12 @@ int main(int argc, char** argv) {
     if (digits % 2 == 0) add("contour integral", "1e-" + std::to_string(digits), contour(std::pow(10.0, -digits)));
   }
   for (int points = 1; points <= 6; ++points) {
-    add("product rule", std::to_string(points), product_rule(points));
+    add("product rule", std::to_string(points), fixed_rule({FixedRule::kProduct, points}));
   }
+  for (int points = 1; points <= 2; ++points)
+    add("centres", std::to_string(points), fixed_rule({FixedRule::kCentres, points}));
+  for (int points : {2, 4, 6, 8, 10, 12, 16, 20, 24})
+    add("edge rule", std::to_string(points), fixed_rule({FixedRule::kEdges, points}));
   for (int lines = 16; lines <= 4096; lines *= 4) add("random lines", std::to_string(lines), random_lines(lines));
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;

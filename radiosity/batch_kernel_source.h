@@ -4,73 +4,28 @@
 //   INTERGLOW_KERNELS   name of the function that returns the table
 // Lanes never mix, so a pair's bits do not depend on its neighbours in the packet. No header with inline functions may
 // be included (see batch_kernel.h).
-#include "radiosity/batch_kernel.h"
+#include "radiosity/batch_choice.h"
 
 namespace interglow::radiosity::batch {
 namespace {
 
-constexpr int kLanes = INTERGLOW_LANES;
-using Real = double __attribute__((vector_size(kLanes * sizeof(double))));
-using Mask = long long __attribute__((vector_size(kLanes * sizeof(double))));
-
-constexpr double kPi = 3.14159265358979323846;
-constexpr double kEpsilon = 2.220446049250313e-16;
-/// Rounding of plane distances in normalised coordinates (at most 2): sides within it are left to the exact decision.
-constexpr double kSideRounding = 64 * kEpsilon;
-
-inline Real splat(double value) { return Real{} + value; }
-inline Real max(Real a, Real b) { return a > b ? a : b; }
-inline Real min(Real a, Real b) { return a < b ? a : b; }
-
-inline Real square_root(Real x) {
-  Real y;
-  for (int lane = 0; lane < kLanes; ++lane) y[lane] = __builtin_sqrt(x[lane]);
-  return y;
-}
-
-struct Vector {
-  Real x, y, z;
-};
-inline Vector operator+(Vector a, Vector b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-inline Vector operator-(Vector a, Vector b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-inline Vector operator*(Real s, Vector a) { return {s * a.x, s * a.y, s * a.z}; }
-inline Real dot(Vector a, Vector b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-
-/// The records of one side of a packet; often all the same one.
-struct Lanes {
-  const PatchRecord* record[kLanes];
-  bool uniform;
-
-  Lanes(const PatchRecord* const* records, int count) : uniform(true) {
-    for (int lane = 0; lane < kLanes; ++lane) {
-      record[lane] = records[lane < count ? lane : count - 1];
-      uniform = uniform && record[lane] == record[0];
-    }
-  }
-  template <class Pick>
-  Real load(Pick pick) const {
-    if (uniform) return splat(pick(*record[0]));
-    Real value;
-    for (int lane = 0; lane < kLanes; ++lane) value[lane] = pick(*record[lane]);
-    return value;
-  }
-  template <class Pick>
-  Vector load_vector(Pick pick) const {
-    return {load([&](const PatchRecord& r) { return pick(r)[0]; }),
-            load([&](const PatchRecord& r) { return pick(r)[1]; }),
-            load([&](const PatchRecord& r) { return pick(r)[2]; })};
-  }
-};
-
 struct Patch {
-  Vector origin, e1, e2, e3, normal, centre;
-  explicit Patch(const Lanes& lanes)
-      : origin(lanes.load_vector([](const PatchRecord& r) { return r.origin; })),
-        e1(lanes.load_vector([](const PatchRecord& r) { return r.e1; })),
-        e2(lanes.load_vector([](const PatchRecord& r) { return r.e2; })),
-        e3(lanes.load_vector([](const PatchRecord& r) { return r.e3; })),
-        normal(lanes.load_vector([](const PatchRecord& r) { return r.normal; })),
-        centre(lanes.load_vector([](const PatchRecord& r) { return r.centre; })) {}
+  Vector origin, e1, e2, e3, normal, centre, density;
+  Real area, triangle;
+  explicit Patch(const Lanes& lanes) {
+    Real head[14], shape[15];
+    lanes.load(offsetof(PatchRecord, centre), head);
+    lanes.load(offsetof(PatchRecord, origin), shape);
+    centre = {head[0], head[1], head[2]};
+    normal = {head[3], head[4], head[5]};
+    area = head[6];
+    triangle = head[13];
+    origin = {shape[0], shape[1], shape[2]};
+    e1 = {shape[3], shape[4], shape[5]};
+    e2 = {shape[6], shape[7], shape[8]};
+    e3 = {shape[9], shape[10], shape[11]};
+    density = {shape[12], shape[13], shape[14]};
+  }
 };
 
 /// Height of a patch along a direction, from a point, bilinear in its parameters.
@@ -83,84 +38,17 @@ struct Height {
         along_uv(dot(direction, of.e3)) {}
   /// Over the plane of another patch.
   Height(const Patch& of, const Patch& over) : Height(of, over.normal, over.centre) {}
-  void range(Real& low, Real& high) const {
-    const Real a = at_origin, b = a + along_u, c = a + along_v, d = b + along_v + along_uv;
-    low = min(min(a, b), min(c, d));
-    high = max(max(a, b), max(c, d));
-  }
 };
 
-void classify(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
-              std::int32_t* choice, double* bound) {
+void centres(const PatchRecord* const* first, const PatchRecord* const* second, int count, bool moments,
+             double* exchange) {
   for (int start = 0; start < count; start += kLanes) {
     const int lanes_used = count - start < kLanes ? count - start : kLanes;
     const Lanes first_lanes(first + start, lanes_used), second_lanes(second + start, lanes_used);
-    const Patch a(first_lanes), b(second_lanes);
-    const auto scalar_of = [](const Lanes& lanes, double PatchRecord::*member) {
-      return lanes.load([member](const PatchRecord& r) { return r.*member; });
-    };
-    const Real radius_a = scalar_of(first_lanes, &PatchRecord::radius),
-               radius_b = scalar_of(second_lanes, &PatchRecord::radius);
-    const Vector between = b.centre - a.centre;
-    const Real distance = square_root(dot(between, between));
-    const Real reach = distance + radius_a + radius_b;
-    const Real open_a = kSideRounding + scalar_of(first_lanes, &PatchRecord::deviation) +
-                        scalar_of(first_lanes, &PatchRecord::lever) * reach;
-    const Real open_b = kSideRounding + scalar_of(second_lanes, &PatchRecord::deviation) +
-                        scalar_of(second_lanes, &PatchRecord::lever) * reach;
-    Real low_a, high_a, low_b, high_b;
-    Height(a, b).range(low_a, high_a);
-    Height(b, a).range(low_b, high_b);
-    const Mask hidden = (high_a < -open_b) | (high_b < -open_a) |
-                        ((high_a <= open_b) & (low_a >= -open_b) & (high_b <= open_a) & (low_b >= -open_a) &
-                         (dot(a.normal, b.normal) > 0)) |
-                        (scalar_of(first_lanes, &PatchRecord::area) * scalar_of(second_lanes, &PatchRecord::area) <= 0);
-    // Corners on the other's plane within rounding need no clipping: the rules count heights below it as 0.
-    const Mask in_front = (low_a >= -open_b) & (low_b >= -open_a) & (high_a > open_b) & (high_b > open_a);
-
-    // |k-th Taylor coefficient of the kernel| <= (k + 1) / (π D^(k + 2)), so a rule of degree 2m - 1 leaves at most
-    // (2m + 1) spread[m] / (π D^2m (D - R)²) of the mean, for each side; D: distance from the centre to the other
-    // patch.
-    const Real area = scalar_of(first_lanes, &PatchRecord::area) * scalar_of(second_lanes, &PatchRecord::area);
-    const Real limit =
-        tolerance * min(scalar_of(first_lanes, &PatchRecord::area), scalar_of(second_lanes, &PatchRecord::area));
-    // D by balls, by the heights over the own plane, and by what lies along the line of centres; the largest holds.
-    const Vector along = (1.0 / max(distance, splat(1e-100))) * between;
-    Real a_begin, a_end, b_begin, b_end;  // from the centre of a
-    Height(a, along, a.centre).range(a_begin, a_end);
-    Height(b, along, a.centre).range(b_begin, b_end);
-    const Real away_a = max(max(distance - radius_b, low_b), b_begin),
-               away_b = max(max(distance - radius_a, low_a), distance - a_end);
-    const Real gap_a = away_a - radius_a, gap_b = away_b - radius_b,
-               gap = max(distance - radius_a - radius_b, b_begin - a_end);
-    const Mask clear = (gap_a > 0) & (gap_b > 0), apart = gap > 0;
-    const Real inverse_a = 1.0 / (away_a * away_a), inverse_b = 1.0 / (away_b * away_b),
-               inverse_gap = 1.0 / (gap * gap);
-    // The height of the visible parts bounds what a clamped rule can miss where one plane cuts the other patch.
-    const Real crossing = max(high_a, splat(0)) * max(high_b, splat(0)) * inverse_gap * inverse_gap * area / kPi;
-    Real chosen = splat(kScalar), chosen_bound = splat(0);
-    Real power_a = 1.0 / (gap_a * gap_a), power_b = 1.0 / (gap_b * gap_b);
-    const Real extra =
-        max(scalar_of(first_lanes, &PatchRecord::bilinear), scalar_of(second_lanes, &PatchRecord::bilinear));
-    for (int m = 1; m < kMaxOrder; ++m) {
-      power_a *= inverse_a;
-      power_b *= inverse_b;
-      const Real spread_a = first_lanes.load([m](const PatchRecord& r) { return r.spread[m]; });
-      const Real spread_b = second_lanes.load([m](const PatchRecord& r) { return r.spread[m]; });
-      const Real left = (2 * m + 1) / kPi * area * (spread_a * power_a + spread_b * power_b);
-      const Mask take = (left <= limit) & (chosen == splat(kScalar));
-      chosen = take ? extra + static_cast<double>(m) : chosen;
-      chosen_bound = take ? left : chosen_bound;
-    }
-    const Mask far = in_front & clear;
-    const Mask cut = ~in_front & apart & (crossing <= limit);
-    chosen = far ? chosen : (cut ? splat(2) : splat(kScalar));
-    chosen_bound = cut ? crossing : chosen_bound;
-    chosen = hidden ? splat(kNothing) : chosen;
-    for (int lane = 0; lane < lanes_used; ++lane) {
-      choice[start + lane] = static_cast<std::int32_t>(chosen[lane]);
-      bound[start + lane] = chosen_bound[lane];
-    }
+    const Centre a(first_lanes), b(second_lanes);
+    const CentreLine line(a, b);
+    const Real value = moments ? line.with_moments(a, b) : line.exchange;
+    for (int lane = 0; lane < lanes_used; ++lane) exchange[start + lane] = value[lane];
   }
 }
 
@@ -170,10 +58,10 @@ struct Nodes {
   Vector point[kPoints * kPoints];
   Real weighted_height[kPoints * kPoints];
 
-  Nodes(const Lanes& lanes, const Patch& patch, const Patch& other, const ProductRule& rule) {
+  Nodes(const Patch& patch, const Patch& other, const ProductRule& rule) {
     const Height height(patch, other);
-    const Real triangle = lanes.load([](const PatchRecord& r) { return r.triangle; });
-    const Vector density = lanes.load_vector([](const PatchRecord& r) { return r.density; });
+    const Real triangle = patch.triangle;
+    const Vector density = patch.density;
     for (int i = 0; i < kPoints * kPoints; ++i) {
       const Real u = triangle > 0 ? splat(rule.u[1][i]) : splat(rule.u[0][i]);
       const Real v = triangle > 0 ? splat(rule.v[1][i]) : splat(rule.v[0][i]);
@@ -194,7 +82,7 @@ void product_of(const PatchRecord* const* first, const PatchRecord* const* secon
     const int lanes_used = count - start < kLanes ? count - start : kLanes;
     const Lanes first_lanes(first + start, lanes_used), second_lanes(second + start, lanes_used);
     const Patch a(first_lanes), b(second_lanes);
-    const Nodes<kPoints> from(first_lanes, a, b, rule), to(second_lanes, b, a, rule);
+    const Nodes<kPoints> from(a, b, rule), to(b, a, rule);
     Real sum = splat(0);
     const auto fourth_power = [&](int i, int j) {
       const Vector r = to.point[j] - from.point[i];
@@ -211,9 +99,7 @@ void product_of(const PatchRecord* const* first, const PatchRecord* const* secon
       if (j < kNodes) inner += to.weighted_height[j] / fourth_power(i, j);
       sum += from.weighted_height[i] * inner;
     }
-    const Real area = first_lanes.load([](const PatchRecord& r) { return r.area; }) *
-                      second_lanes.load([](const PatchRecord& r) { return r.area; });
-    sum *= area * (1 / kPi);
+    sum *= a.area * b.area * (1 / kPi);
     for (int lane = 0; lane < lanes_used; ++lane) exchange[start + lane] = sum[lane];
   }
 }
@@ -236,10 +122,127 @@ void product(const PatchRecord* const* first, const PatchRecord* const* second, 
   }
 }
 
+/// The squared distances of the four pairs of points at ±s on one edge and ±t on another.
+struct EdgePair {
+  Real middles, along_first, along_second;  ///< |w|², 2 w·a, 2 w·b; w from the second's middle to the first's
+  Real at_plus_s, at_minus_s, turn_plus_s, turn_minus_s;
+
+  EdgePair(Vector w, Vector a, Vector b)
+      : middles(dot(w, w)), along_first(2.0 * dot(w, a)), along_second(2.0 * dot(w, b)) {}
+  /// @param first_squared  s² |a|²
+  /// @param both  2 s a·b
+  void set(double s, Real first_squared, Real both) {
+    const Real middle = middles + first_squared;
+    at_plus_s = middle + s * along_first;
+    at_minus_s = middle - s * along_first;
+    turn_plus_s = along_second + both;
+    turn_minus_s = along_second - both;
+  }
+  Real product(double t, Real second_squared) const {
+    const Real plus = at_plus_s + second_squared, minus = at_minus_s + second_squared;
+    return ((plus - t * turn_plus_s) * (plus + t * turn_plus_s)) *
+           ((minus - t * turn_minus_s) * (minus + t * turn_minus_s));
+  }
+};
+
+/// Σ over the rule of the logarithms of squared distances, times its weights, where `same` edges count positive and
+/// `opposite` ones negative: of edge pairs that share directions and lengths, one logarithm for 16 distances.
+inline Real edge_group(EdgePair (&same)[2], EdgePair (&opposite)[2], Real a_squared, Real b_squared, Real a_b,
+                       const EdgeRule& rule) {
+  Real sum = splat(0);
+  for (int i = 0; i < rule.half; ++i) {
+    const double s = rule.node[i];
+    const Real first_squared = (s * s) * a_squared, both = (2 * s) * a_b;
+    for (EdgePair& pair : same) pair.set(s, first_squared, both);
+    for (EdgePair& pair : opposite) pair.set(s, first_squared, both);
+    Real inner = splat(0);
+    for (int j = 0; j < rule.half; ++j) {
+      const double t = rule.node[j];
+      const Real second_squared = (t * t) * b_squared;
+      inner +=
+          rule.weight[j] * log_ratio(same[0].product(t, second_squared) * same[1].product(t, second_squared),
+                                     opposite[0].product(t, second_squared) * opposite[1].product(t, second_squared));
+    }
+    sum += rule.weight[i] * inner;
+  }
+  return sum;
+}
+
+void edges_of_parallelograms(const PatchRecord* const* first, const PatchRecord* const* second, int count,
+                             const EdgeRule& rule, double* exchange) {
+  for (int start = 0; start < count; start += kLanes) {
+    const int lanes_used = count - start < kLanes ? count - start : kLanes;
+    const Lanes first_lanes(first + start, lanes_used), second_lanes(second + start, lanes_used);
+    Real a[9], b[9];
+    first_lanes.load(offsetof(PatchRecord, origin), a);
+    second_lanes.load(offsetof(PatchRecord, origin), b);
+    // Corners that lie close together are subtracted first, which rounds relative to their distance.
+    const Vector corners = Vector{a[0], a[1], a[2]} - Vector{b[0], b[1], b[2]};
+    const Vector side_a[2] = {0.5 * Vector{a[3], a[4], a[5]}, 0.5 * Vector{a[6], a[7], a[8]}};
+    const Vector side_b[2] = {0.5 * Vector{b[3], b[4], b[5]}, 0.5 * Vector{b[6], b[7], b[8]}};
+    const Vector middles = corners + ((side_a[0] + side_a[1]) - (side_b[0] + side_b[1]));
+    Real sum = splat(0);
+    for (int i = 0; i < 2; ++i)
+      for (int j = 0; j < 2; ++j) {
+        const Vector edge_a = side_a[i], across_a = side_a[1 - i], edge_b = side_b[j], across_b = side_b[1 - j];
+        const Real a_b = dot(edge_a, edge_b);
+        if (!any(a_b != splat(0))) continue;
+        // Counter-clockwise, the first side's edge runs along it at -across, the second's at +across.
+        const Vector apart = across_a - across_b, together = across_a + across_b;
+        EdgePair same[2] = {{middles + apart, edge_a, edge_b}, {middles - apart, edge_a, edge_b}};
+        EdgePair opposite[2] = {{middles + together, edge_a, edge_b}, {middles - together, edge_a, edge_b}};
+        const Real value = a_b * edge_group(same, opposite, dot(edge_a, edge_a), dot(edge_b, edge_b), a_b, rule);
+        sum = i == j ? sum + value : sum - value;
+      }
+    // e·f = 4 a·b; 1/2 for the squares.
+    sum *= 1 / kPi;
+    for (int lane = 0; lane < lanes_used; ++lane) exchange[start + lane] = sum[lane];
+  }
+}
+
+void edges_of_any(const PatchRecord* const* first, const PatchRecord* const* second, int count, const EdgeRule& rule,
+                  double* exchange) {
+  for (int start = 0; start < count; start += kLanes) {
+    const int lanes_used = count - start < kLanes ? count - start : kLanes;
+    const Lanes first_lanes(first + start, lanes_used), second_lanes(second + start, lanes_used);
+    const Outline a{Shape(first_lanes)}, b{Shape(second_lanes)};
+    const Vector origins = a.origin - b.origin;
+    // Σ e·f = 0, so that any unit of length will do: one that keeps the logarithms small.
+    const Real unit = square_of(square_of(dot(origins, origins)));
+    Real sum = splat(0);
+    for (int i = 0; i < 4; ++i)
+      for (int j = 0; j < 4; ++j) {
+        const Real a_b = dot(a.half[i], b.half[j]);
+        if (!any(a_b != splat(0))) continue;
+        EdgePair pair(origins + (a.middle[i] - b.middle[j]), a.half[i], b.half[j]);
+        const Real a_squared = dot(a.half[i], a.half[i]), b_squared = dot(b.half[j], b.half[j]);
+        Real of_pair = splat(0);
+        for (int p = 0; p < rule.half; ++p) {
+          const double s = rule.node[p];
+          pair.set(s, (s * s) * a_squared, (2 * s) * a_b);
+          Real inner = splat(0);
+          for (int q = 0; q < rule.half; ++q) {
+            const double t = rule.node[q];
+            inner += rule.weight[q] * log_ratio(pair.product(t, (t * t) * b_squared), unit);
+          }
+          of_pair += rule.weight[p] * inner;
+        }
+        sum += a_b * of_pair;
+      }
+    sum *= 1 / kPi;
+    for (int lane = 0; lane < lanes_used; ++lane) exchange[start + lane] = sum[lane];
+  }
+}
+
+void edges(const PatchRecord* const* first, const PatchRecord* const* second, int count, const EdgeRule& rule,
+           bool parallelograms, double* exchange) {
+  (parallelograms ? edges_of_parallelograms : edges_of_any)(first, second, count, rule, exchange);
+}
+
 }  // namespace
 
 const Kernels& INTERGLOW_KERNELS() {
-  static constexpr Kernels table{INTERGLOW_KERNEL_NAME, classify, product};
+  static constexpr Kernels table{INTERGLOW_KERNEL_NAME, classify, centres, product, edges};
   return table;
 }
 

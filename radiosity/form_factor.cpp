@@ -131,9 +131,9 @@ FormFactor normalised_exchange(const NormalisedPair& pair, double tolerance) {
 
   const double round_off = 1e-15 * static_cast<double>(least_area);
   const double wanted = std::max(tolerance, round_off);
-  detail::ContourResult result = detail::contour_exchange_area(in_double(first), in_double(second), 0.5 * wanted);
+  detail::ContourResult result = detail::contour_exchange_area(in_double(first), in_double(second), 0.25 * wanted);
   if (result.rounding > 0.5L * wanted)  // terms far larger than their sum: tiny, skinny or nearly coplanar polygons
-    result = detail::contour_exchange_area(first, second, 0.5L * wanted);
+    result = detail::contour_exchange_area(first, second, 0.25L * wanted);
   const double value = static_cast<double>(std::clamp(result.exchange_area, 0.0L, least_area));
   const double estimate = static_cast<double>(result.truncation + result.rounding) + kEpsilon * value;
   return {value, estimate, FormFactorMethod::kContourQuadrature};
@@ -160,6 +160,8 @@ const char* name(FormFactorMethod method) {
       return "zero";
     case FormFactorMethod::kFarQuadrature:
       return "far-quadrature";
+    case FormFactorMethod::kEdgeQuadrature:
+      return "edge-quadrature";
     case FormFactorMethod::kContourQuadrature:
       return "contour";
     case FormFactorMethod::kClosedForm:

@@ -12,6 +12,7 @@ namespace interglow::radiosity {
 enum class FormFactorMethod {
   kZero,                ///< no part of either lies in front of the other: exactly 0
   kFarQuadrature,       ///< tensor quadrature of cosθ1 cosθ2 / (π r²) over both patches
+  kEdgeQuadrature,      ///< Gauss-Legendre on the edges of both patches
   kContourQuadrature,   ///< edge pairs, inner integral closed form, outer Gauss-Legendre or graded
   kClosedForm,          ///< edge pairs in closed form
   kPointArea,           ///< outer quadrature over one patch of Lambert's contour formula for the other

@@ -18,6 +18,8 @@
 namespace interglow::radiosity {
 namespace {
 
+using batch::EdgeRule;
+using batch::kMaxEdgePoints;
 using batch::kMaxOrder;
 using batch::PatchRecord;
 using batch::ProductRule;
@@ -91,24 +93,64 @@ const ProductRule& product_rule(int m) {
   return rules[m];
 }
 
+const EdgeRule& edge_rule(int points) {
+  static const std::array<EdgeRule, kMaxEdgePoints / 2 + 1> rules = [] {
+    std::array<EdgeRule, kMaxEdgePoints / 2 + 1> made{};
+    for (int half = 1; half <= kMaxEdgePoints / 2; ++half) {
+      const detail::GaussRule& gauss = detail::gauss_legendre(2 * half);  // the positive nodes come first
+      made[half].half = half;
+      for (int i = 0; i < half; ++i) {
+        made[half].node[i] = static_cast<double>(gauss.node[i]);
+        made[half].weight[i] = static_cast<double>(gauss.weight[i] / 2);
+      }
+    }
+    return made;
+  }();
+  return rules[points / 2];
+}
+
 void store(double (&to)[3], const Vector3d& from) {
   for (int axis = 0; axis < 3; ++axis) to[axis] = from[axis];
 }
 
 Vector3d load(const double (&from)[3]) { return {from[0], from[1], from[2]}; }
 
-/// Σ weight |x - centre|^2k over the m x m rule.
-double mean_power(const PatchRecord& record, int m, int k) {
-  const ProductRule& rule = product_rule(m);
+/// Σ weight f(x - centre) over the 6 x 6 rule: exact for polynomials of degree 10.
+template <class Function>
+double mean_of(const PatchRecord& record, Function f) {
+  const ProductRule& rule = product_rule(kMaxOrder);
   const int shape = record.triangle > 0 ? 1 : 0;
   double sum = 0;
-  for (int i = 0; i < m * m; ++i) {
+  for (int i = 0; i < kMaxOrder * kMaxOrder; ++i) {
     const double u = rule.u[shape][i], v = rule.v[shape][i];
     const Vector3d x = load(record.origin) + u * load(record.e1) + v * load(record.e2) + u * v * load(record.e3);
     const double density = record.density[0] + u * record.density[1] + v * record.density[2];
-    sum += rule.weight[shape][i] * density * std::pow((x - load(record.centre)).squaredNorm(), k);
+    sum += rule.weight[shape][i] * density * f(x - load(record.centre));
   }
   return sum;
+}
+
+/// Absolute and directed moments about the centre.
+void set_moments(PatchRecord& record) {
+  const bool symmetric = record.triangle == 0 && record.bilinear == 0;
+  record.second = mean_of(record, [](const Vector3d& x) { return x.squaredNorm(); });
+  record.fourth = mean_of(record, [](const Vector3d& x) { return x.squaredNorm() * x.squaredNorm(); });
+  // By Cauchy and Schwarz, for |x|³ is no polynomial.
+  record.third = symmetric ? 0 : std::sqrt(record.second * record.fourth);
+  // Cholesky in the frame of the direction in which the patch is longer, as p = (xx, xy) / √xx.
+  const Vector3d normal = load(record.normal), side = load(record.e1).squaredNorm() > load(record.e2).squaredNorm()
+                                                          ? load(record.e1)
+                                                          : load(record.e2);
+  const Vector3d first = (side - normal.dot(side) * normal).normalized(), second = normal.cross(first);
+  const auto moment = [&record](const Vector3d& u, const Vector3d& v) {
+    return mean_of(record, [&](const Vector3d& x) { return u.dot(x) * v.dot(x); });
+  };
+  const double xx = moment(first, first), xy = moment(first, second), yy = moment(second, second);
+  const Vector3d p = xx >= yy ? Vector3d((xx * first + xy * second) / std::sqrt(xx))
+                              : Vector3d((xy * first + yy * second) / std::sqrt(yy));
+  const double left = std::sqrt(std::max(0.0, xx >= yy ? yy - xy * xy / xx : xx - xy * xy / yy));
+  store(record.moment1, p);
+  store(record.moment2, left * (xx >= yy ? second : first));
 }
 
 PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double unit) {
@@ -149,12 +191,29 @@ PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double
     store(record.centre, (first * (c[0] + c[1] + c[2]) + second * (c[0] + c[2] + c[3])) / (3 * (first + second)));
   }
   for (int i = 0; i < scaled.corners; ++i) record.radius = std::max(record.radius, (c[i] - load(record.centre)).norm());
-  for (int m = 1; m < kMaxOrder; ++m)
-    record.spread[m] =
-        mean_power(record, std::min(m + 2, kMaxOrder), m) + mean_power(record, m + (record.bilinear > 0 ? 1 : 0), m);
+  double longest_edge = 0;
+  for (int i = 0; i < scaled.corners; ++i) {
+    const double edge = (c[i + 1 == scaled.corners ? 0 : i + 1] - c[i]).norm();
+    record.perimeter += edge;
+    longest_edge = std::max(longest_edge, edge);
+  }
+  record.half_edge = longest_edge / 2;
+  record.skew = triangle ? 0 : e3.norm() * longest_edge;
+  set_moments(record);
+  record.length1 = e1.norm();
+  record.length2 = e2.norm();
   record.deviation = 2 * plane.deviation;
   record.lever = (4 * plane.deviation + 16 * std::numeric_limits<double>::epsilon() * longest) / plane.thickness;
   return record;
+}
+
+bool is_parallelogram(const PatchRecord& record) { return record.triangle == 0 && record.bilinear == 0; }
+
+/// 0: the product rule for cut patches; 2n: the edge rule of 2n points for parallelograms, 2n + 1 for others.
+constexpr int kBuckets = kMaxEdgePoints + 2;
+int bucket(std::int32_t choice, const PatchRecord& first, const PatchRecord& second) {
+  if (choice == batch::kCut) return 0;
+  return 2 * (choice - batch::kEdges) + (is_parallelogram(first) && is_parallelogram(second) ? 0 : 1);
 }
 
 }  // namespace
@@ -210,41 +269,68 @@ void FormFactorBatch::exchange_areas(std::uint32_t one, std::span<const std::uin
       first[k] = &records_[std::min(one, other)];
       second[k] = &records_[std::max(one, other)];
     }
-    kernels_->classify(first.data(), second.data(), count, tolerance, choice.data(), bound.data());
-    for (int m = 1; m <= kMaxOrder; ++m) {
-      int members = 0;
-      for (int k = 0; k < count; ++k)
-        if (choice[k] == m) {
-          packed_first[members] = first[k];
-          packed_second[members] = second[k];
-          place[members++] = k;
+    kernels_->classify(first.data(), second.data(), count, tolerance, choice.data(), bound.data(), exchange.data());
+    const auto store_result = [&](int k, double found, FormFactorMethod method) {
+      const double value = std::clamp(found, 0.0, std::min(first[k]->area, second[k]->area));
+      results[start + k] = {value * square_unit, bound[k] * square_unit, method};
+    };
+    // Sorted by what is to be done, so that all pairs of a vector take the same rule.
+    std::array<int, kBuckets> members{};
+    for (int k = 0; k < count; ++k) {
+      switch (choice[k]) {
+        case batch::kNothing:
+          results[start + k] = {};
+          break;
+        case batch::kMoments:
+          store_result(k, exchange[k], FormFactorMethod::kFarQuadrature);
+          break;
+        case batch::kContour: {
+          const std::uint32_t other = others[start + k];
+          const double least_area = std::min(first[k]->area, second[k]->area) * square_unit;
+          results[start + k] =
+              exchange_area(polygons_[std::min(one, other)], polygons_[std::max(one, other)], tolerance * least_area);
+          break;
         }
-      if (members == 0) continue;
-      kernels_->product(packed_first.data(), packed_second.data(), members, product_rule(m), exchange.data());
-      for (int i = 0; i < members; ++i) {
-        const int k = place[i];
-        const double most = std::min(first[k]->area, second[k]->area);
-        const double value = std::min(exchange[i], most);
-        const double rounding = 32 * std::numeric_limits<double>::epsilon() * value;
-        results[start + k] = {value * square_unit, (bound[k] + rounding) * square_unit,
-                              FormFactorMethod::kFarQuadrature};
+        default:
+          ++members[bucket(choice[k], *first[k], *second[k])];
       }
     }
+    std::array<int, kBuckets + 1> begin{};
+    for (int b = 0; b < kBuckets; ++b) begin[b + 1] = begin[b] + members[b];
+    if (begin[kBuckets] == 0) continue;
+    std::array<int, kBuckets> next;
+    std::copy(begin.begin(), begin.end() - 1, next.begin());
     for (int k = 0; k < count; ++k) {
-      if (choice[k] == batch::kNothing) results[start + k] = {};
-      if (choice[k] != batch::kScalar) continue;
-      const std::uint32_t other = others[start + k];
-      const double least_area = std::min(first[k]->area, second[k]->area) * square_unit;
-      results[start + k] =
-          exchange_area(polygons_[std::min(one, other)], polygons_[std::max(one, other)], tolerance * least_area);
+      if (choice[k] == batch::kNothing || choice[k] == batch::kMoments || choice[k] == batch::kContour) continue;
+      const int to = next[bucket(choice[k], *first[k], *second[k])]++;
+      place[to] = k;
+      packed_first[to] = first[k];
+      packed_second[to] = second[k];
+    }
+    for (int b = 0; b < kBuckets; ++b) {
+      if (members[b] == 0) continue;
+      const PatchRecord** one_side = packed_first.data() + begin[b];
+      const PatchRecord** other_side = packed_second.data() + begin[b];
+      double* found = exchange.data() + begin[b];
+      if (b == 0)
+        kernels_->product(one_side, other_side, members[b], product_rule(2), found);
+      else
+        kernels_->edges(one_side, other_side, members[b], edge_rule(2 * (b / 2)), b % 2 == 0, found);
+      for (int i = begin[b]; i < begin[b + 1]; ++i)
+        store_result(place[i], exchange[i],
+                     b == 0 ? FormFactorMethod::kFarQuadrature : FormFactorMethod::kEdgeQuadrature);
     }
   }
 }
 
-void FormFactorBatch::exchange_areas_by_rule(std::uint32_t one, std::span<const std::uint32_t> others, int points,
+void FormFactorBatch::exchange_areas_by_rule(std::uint32_t one, std::span<const std::uint32_t> others, FixedRule rule,
                                              std::span<double> results) const {
-  if (points < 1 || points > kMaxOrder)
-    throw InvalidParams(fmt::format("form factors: points = {}, expected 1 to {}.", points, kMaxOrder));
+  const int most = rule.family == FixedRule::kEdges     ? kMaxEdgePoints
+                   : rule.family == FixedRule::kProduct ? kMaxOrder
+                                                        : 2;
+  if (rule.points < 1 || rule.points > most || (rule.family == FixedRule::kEdges && rule.points % 2 != 0))
+    throw InvalidParams(
+        fmt::format("form factors: points = {}, expected 1 to {}, on edges an even number.", rule.points, most));
   std::array<const PatchRecord*, batch::kBlock> first, second;
   for (std::size_t start = 0; start < others.size(); start += batch::kBlock) {
     const int count = static_cast<int>(std::min<std::size_t>(batch::kBlock, others.size() - start));
@@ -252,7 +338,17 @@ void FormFactorBatch::exchange_areas_by_rule(std::uint32_t one, std::span<const 
       first[k] = &records_[std::min(one, others[start + k])];
       second[k] = &records_[std::max(one, others[start + k])];
     }
-    kernels_->product(first.data(), second.data(), count, product_rule(points), results.data() + start);
+    double* found = results.data() + start;
+    if (rule.family == FixedRule::kCentres) {
+      kernels_->centres(first.data(), second.data(), count, rule.points == 2, found);
+    } else if (rule.family == FixedRule::kProduct) {
+      kernels_->product(first.data(), second.data(), count, product_rule(rule.points), found);
+    } else {
+      bool parallelograms = true;
+      for (int k = 0; k < count; ++k)
+        parallelograms = parallelograms && is_parallelogram(*first[k]) && is_parallelogram(*second[k]);
+      kernels_->edges(first.data(), second.data(), count, edge_rule(rule.points), parallelograms, found);
+    }
     for (int k = 0; k < count; ++k) results[start + k] *= unit_ * unit_;
   }
 }

@@ -17,13 +17,24 @@ struct PatchRecord;
 struct Kernels;
 }  // namespace batch
 
+/// A rule that `exchange_areas` may choose.
+struct FixedRule {
+  enum Family {
+    kCentres,  ///< 1: cosθ cosθ' / (π r²) from centre to centre; 2: and the moments of second order
+    kProduct,  ///< 1 to 6 points per direction on both patches
+    kEdges,    ///< the contour integral by 2, 4 ... 24 points on each edge of both
+  };
+  Family family = kProduct;
+  int points = 1;
+};
+
 /// Polygons made ready once; then any list of pairs, from any thread.
 ///
-/// Pairs that stand apart take a product rule of 1 to 6 points per direction on both patches, chosen by the bound
-/// |error| <= (2m + 1) (S1 / D1^2m + S2 / D2^2m) A1 A2 / (π (d - R1 - R2)²), which follows from the Taylor coefficients
-/// of cosθ cosθ' / (π r²) (docs/form-factors.md). All others go to `exchange_area`. Vectors of 8, 4 or 2 pairs, as the
-/// processor has AVX-512, AVX2 or neither. A pair's value depends on the two polygons and the tolerance alone: not on
-/// its neighbours in the list, the thread, or the order of the two.
+/// Pairs that stand apart take the kernel between their centres, that and the second moments, or the contour integral
+/// by 2 ... 24 Gauss points on every edge: the cheapest whose error bound meets the tolerance. All others go to
+/// `exchange_area`. Bounds and rules: docs/form-factors.md. Vectors of 8, 4 or 2 pairs, as the processor has AVX-512,
+/// AVX2 or neither. A pair's value depends on the two polygons and the tolerance alone: not on its neighbours in the
+/// list, the thread, or the order of the two.
 class FormFactorBatch {
  public:
   /// @throws InvalidParams if a corner is not finite. Patches without area are kept and exchange nothing.
@@ -39,13 +50,14 @@ class FormFactorBatch {
   /// Exchange areas A_one F_one,other for each of `others`, into `results` of the same length.
   ///
   /// @param tolerance  wanted absolute error of both form factors of a pair; 0 asks for round-off
-  /// Cost: about 10 ns (tolerance 1e-4, far) to some µs (touching, 1e-14) a pair.
+  /// Cost: from about 20 ns (1e-4, far) over 0.2 µs (1e-14, a size apart) to some µs (touching) a pair.
   void exchange_areas(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance,
                       std::span<FormFactor> results) const;
 
-  /// A_one F_one,other by the product rule of `points` (1 to 6) per direction alone, whatever its error: what the choice
-  /// of rules is measured against. @pre the patches face each other wholly
-  void exchange_areas_by_rule(std::uint32_t one, std::span<const std::uint32_t> others, int points,
+  /// A_one F_one,other by one rule alone, whatever its error: what the choice of rules is measured against.
+  /// @pre the patches face each other wholly
+  /// @throws InvalidParams for a number of points that the family does not have
+  void exchange_areas_by_rule(std::uint32_t one, std::span<const std::uint32_t> others, FixedRule rule,
                               std::span<double> results) const;
 
   /// The instruction set in use: "AVX-512", "AVX2" or "SSE2".
