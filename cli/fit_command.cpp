@@ -89,9 +89,10 @@ int fit(const Options& options, const Session& session) {
                                                      .black_sides = false},
                                        .bounces = description.solve.bounces};
   fitting::ForwardModel model(built.scene, forward, session.progress);
+  const fitting::ForwardModel coarse(built.scene, fitting::coarser(forward), session.progress);
+  params.small_pictures = &coarse;
   const fitting::FitState start = model.initial_state();
   const fitting::SceneFit found = fitting::fit_scene(model, capture, start, params, session.progress);
-  const fitting::ForwardModel coarse(built.scene, fitting::coarser(forward), session.progress);
   const fitting::Uncertainty uncertainty =
       fitting::examine(model, found, params, {.coarser = &coarse}, session.progress);
   const fitting::Attribution attribution =

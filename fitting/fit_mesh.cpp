@@ -25,9 +25,13 @@ void validate(const FitMeshParams& params) {
 scene::Scene fit_mesh(const scene::Scene& scene, const FitMeshParams& params) {
   validate(params);
   scene::Scene round = scene;
+  const auto most_of = [&](std::size_t o) {
+    return std::max(static_cast<std::size_t>(params.most_faces), scene.objects[o].patches.faces.size());
+  };
   tbb::parallel_for(std::size_t{0}, round.objects.size(), [&](std::size_t o) {
     const mesh::PatchMesh& patches = scene.objects[o].patches;
-    const std::size_t most = std::max(static_cast<std::size_t>(params.most_faces), patches.faces.size());
+    // Half of them, as contacts need some.
+    const std::size_t most = std::max(most_of(o) / 2, patches.faces.size());
     for (double limit = params.most_turn_deg; limit < 180.0; limit *= 1.25) {
       mesh::PatchMesh finer = mesh::halve_turns(patches, limit);
       if (finer.faces.size() > most) continue;
@@ -37,7 +41,12 @@ scene::Scene fit_mesh(const scene::Scene& scene, const FitMeshParams& params) {
   });
   scene::Scene result = round;
   tbb::parallel_for(std::size_t{0}, result.objects.size(), [&](std::size_t o) {
-    result.objects[o].patches = scene::follow_contacts(round, o, params.contact_halvings);
+    for (int halvings = params.contact_halvings; halvings >= 0; --halvings) {
+      mesh::PatchMesh graded = scene::follow_contacts(round, o, halvings);
+      if (halvings > 0 && graded.faces.size() > most_of(o)) continue;
+      result.objects[o].patches = std::move(graded);
+      break;
+    }
   });
   return result;
 }

@@ -11,9 +11,9 @@ struct FitMeshParams {
   double most_turn_deg = 5.0;
   /// Times that faces beside a contact are halved towards it, in [0, 6].
   int contact_halvings = 2;
-  /// Turns larger than the above stay where an object would otherwise get more faces than this, unless it has them
-  /// already. At least 1.
-  int most_faces = 4000;
+  /// Turns larger than the above stay, and contacts get fewer halvings, where an object would otherwise have more faces
+  /// than this, unless it has them already. At least 1.
+  int most_faces = 3000;
 };
 
 void validate(const FitMeshParams& params);  ///< Throws InvalidParams, naming field, value and range.

@@ -33,6 +33,9 @@ struct FitParams {
   /// Begin with silhouettes and small pictures; off: start at full size, for starts that are near.
   bool staged = true;
   int most_iterations = 40;  ///< at full size; at least 1
+  /// A model of the same scene with wider patches (`coarser`), for silhouettes and small pictures; unset: the model
+  /// itself.
+  const ForwardModel* small_pictures = nullptr;
 };
 
 void validate(const FitParams& params);  ///< Throws InvalidParams, naming field, value and range.

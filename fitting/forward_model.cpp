@@ -14,6 +14,7 @@
 
 #include "diagnostics/error.h"
 #include "fitting/coverage.h"
+#include "fitting/indirect_solve.h"
 #include "fitting/node_gather.h"
 #include "rendering/surface.h"
 
@@ -30,7 +31,8 @@ using radiosity::RowMatrix;
 constexpr double kLightStep = 2e-5;
 /// Motion in the picture for differences of exact coverage [px].
 constexpr double kPictureStep = 2e-3;
-constexpr int kMostBounces = 10000;
+/// As ForwardParams::solve_tolerance, where it is smaller than this.
+constexpr double kDerivativeTolerance = 1e-7;
 /// Edges of outlines farther than this from the smooth surfaces are halved, in sizes of the scene: a polygon within a
 /// circle by a share s of its radius shifts the field of view by 4 s where objects are shallow.
 constexpr double kOutline = 3e-5;
@@ -199,6 +201,16 @@ RowMatrix blurred(const RowMatrix& image, int width, int height, double sigma_px
   return pass(across, slope, false) + pass(pass(image, slope, true), kernel, false);
 }
 
+/// What a light does to the scene, whatever the camera.
+struct Lighting {
+  Vector3d direction;
+  double half_angle_rad = 0.0;
+  VectorXd scale;
+  std::optional<int> bounces;
+  LightView view;
+  RowMatrix radiosity;  ///< elements x modes; empty without bounces
+};
+
 struct ForwardModel::Impl {
   scene::Scene scene;
   ForwardParams params;
@@ -208,8 +220,10 @@ struct ForwardModel::Impl {
   Triangles triangles;
   radiosity::Transport transport;
   SpectralReduction spectra;
+  IndirectSolve between;
   RowMatrix palette;
   NodeGather gather;
+  std::optional<Lighting> lit{};
   std::vector<int> group;  ///< material of each triangle's front, -1 black; backs have the same or none
 
   Impl(const scene::Scene& of, const ForwardParams& with, const Progress& progress)
@@ -222,6 +236,7 @@ struct ForwardModel::Impl {
                                  with.mesh ? kOutline * radius_mm(elements) : std::numeric_limits<double>::infinity())),
         transport(radiosity::Transport::build(elements, exchange(params.transport), progress)),
         spectra(reduce_spectra(scene, scene.directional_lights.front().normal_irradiance, params.spectral_tolerance)),
+        between(elements, transport, spectra),
         gather(surface, elements, visibility) {
     const Index per_material = 1 + spectra.modes();
     palette.resize(per_material * static_cast<Index>(scene.materials.size()), spectra.bands());
@@ -246,51 +261,32 @@ struct ForwardModel::Impl {
 
   Index per_material() const { return 1 + spectra.modes(); }
 
-  /// Radiosity that direct light v and indirect light C send out: elements x modes.
-  RowMatrix sent(const VectorXd& v, const RowMatrix& arriving, const VectorXd& scale) const {
+  /// Radiosity that direct light v sends out: elements x modes.
+  RowMatrix sent(const VectorXd& v, const VectorXd& scale) const {
     RowMatrix result = RowMatrix::Zero(elements.size(), spectra.modes());
     for (Index e = 0; e < elements.size(); ++e) {
       const int m = elements.material[static_cast<std::size_t>(e)];
-      if (m < 0) continue;
-      const auto k = static_cast<std::size_t>(m);
-      result.row(e) = scale[m] * v[e] * spectra.from_direct[k];
-      result.row(e).noalias() += scale[m] * arriving.row(e) * spectra.from_indirect[k];
+      if (m >= 0) result.row(e) = scale[m] * v[e] * spectra.from_direct[static_cast<std::size_t>(m)];
     }
     return result;
   }
 
-  /// Radiosity of the light that arrives last, for several sources at once: source s sends `first[s]` besides what the
-  /// indirect light sends. Blocks of `modes` columns.
-  RowMatrix last_radiosity(const RowMatrix& first, const VectorXd& scale) const {
-    const Index modes = spectra.modes();
-    const Index sources = first.cols() / modes;
-    RowMatrix radiosity = first;
-    const int bounces = params.bounces ? *params.bounces : kMostBounces;
-    const double size = first.cwiseAbs().maxCoeff();
-    RowMatrix term = first;
-    // The sum over bounces itself: each term is what one more bounce adds.
-    for (int k = 1; k < bounces; ++k) {
-      const RowMatrix arriving = transport.apply(term);
-      for (Index e = 0; e < elements.size(); ++e) {
-        const int m = elements.material[static_cast<std::size_t>(e)];
-        for (Index s = 0; s < sources; ++s) {
-          if (m < 0) {
-            term.block(e, s * modes, 1, modes).setZero();
-          } else {
-            term.block(e, s * modes, 1, modes).noalias() =
-                scale[m] * arriving.block(e, s * modes, 1, modes) * spectra.from_indirect[static_cast<std::size_t>(m)];
-          }
-        }
-      }
-      radiosity += term;
-      if (!params.bounces && term.cwiseAbs().maxCoeff() <= params.solve_tolerance * size) break;
-      if (k + 1 == kMostBounces) {
-        throw NumericalFailure(
-            "The fit's light did not settle within 10000 bounces: the scene is closed and its reflectances are near "
-            "1.");
-      }
+  bool bounces() const { return !params.bounces || *params.bounces > 0; }
+
+  /// Light of a state: solved once, as long as it stays where it is.
+  const Lighting& lighting(const FitState& state) {
+    if (lit && lit->direction == state.light_direction && lit->half_angle_rad == state.half_angle_rad &&
+        lit->scale == state.scale && lit->bounces == params.bounces)
+      return *lit;
+    lit.reset();
+    Lighting next{state.light_direction, state.half_angle_rad, state.scale, params.bounces, {}, {}};
+    next.view = light_view(triangles, state.light_direction, state.half_angle_rad);
+    if (bounces()) {
+      next.radiosity = between.radiosity(sent(element_factor(next.view), state.scale), state.scale, params.bounces,
+                                         params.solve_tolerance);
     }
-    return radiosity;
+    lit = std::move(next);
+    return *lit;
   }
 
   /// Sides that a camera sees.
@@ -408,7 +404,8 @@ Evaluation ForwardModel::evaluate(const FitState& state, const std::vector<int>&
   const auto tilted = [&](int axis, double step) -> Vector3d {
     return (state.light_direction + step * tangents.col(axis)).normalized();
   };
-  const LightView light = light_view(impl.triangles, state.light_direction, state.half_angle_rad);
+  const Lighting& lit = impl.lighting(state);
+  const LightView& light = lit.view;
   std::array<std::array<LightView, 2>, 2> tilted_light;  // of the tilts asked for: behind, ahead
   for (const int axis : {0, 1}) {
     if (!asked(axis)) continue;
@@ -418,8 +415,6 @@ Evaluation ForwardModel::evaluate(const FitState& state, const std::vector<int>&
           light_view(impl.triangles, direction, state.half_angle_rad);
     }
   }
-  const VectorXd v = impl.element_factor(light);
-  const RowMatrix nothing = RowMatrix::Zero(impl.elements.size(), modes);
   std::vector<int> sources;  // of the solve beside the light itself: parameters
   for (const int parameter : {static_cast<int>(kLightU), static_cast<int>(kLightV)}) {
     if (asked(parameter)) sources.push_back(parameter);
@@ -427,18 +422,18 @@ Evaluation ForwardModel::evaluate(const FitState& state, const std::vector<int>&
   for (Index m = 0; m < materials; ++m) {
     if (asked(kFirstScale + static_cast<int>(m))) sources.push_back(kFirstScale + static_cast<int>(m));
   }
-  const bool bounces = !impl.params.bounces || *impl.params.bounces > 0;
+  const bool bounces = impl.bounces();
   RowMatrix values;  // at the points: light, then each source
   RowMatrix last;
   if (bounces) {
-    const RowMatrix own = impl.last_radiosity(impl.sent(v, nothing, state.scale), state.scale);
+    const RowMatrix& own = lit.radiosity;
     RowMatrix first(impl.elements.size(), modes * static_cast<Index>(sources.size()));
     for (std::size_t s = 0; s < sources.size(); ++s) {
       auto block = first.middleCols(static_cast<Index>(s) * modes, modes);
       if (sources[s] <= kLightV) {
         const auto& pair = tilted_light[static_cast<std::size_t>(sources[s])];
         const VectorXd dv = (impl.element_factor(pair[1]) - impl.element_factor(pair[0])) / (2.0 * kLightStep);
-        block = impl.sent(dv, nothing, state.scale);
+        block = impl.sent(dv, state.scale);
       } else {
         // B = s D (E + F B): dB = D (E + F B) + s D F dB, so the material sends B / s besides.
         const int material = sources[s] - kFirstScale;
@@ -451,7 +446,10 @@ Evaluation ForwardModel::evaluate(const FitState& state, const std::vector<int>&
     }
     last.resize(impl.elements.size(), modes * static_cast<Index>(1 + sources.size()));
     last.leftCols(modes) = own;
-    if (!sources.empty()) last.rightCols(first.cols()) = impl.last_radiosity(first, state.scale);
+    if (!sources.empty()) {
+      last.rightCols(first.cols()) = impl.between.radiosity(
+          first, state.scale, impl.params.bounces, std::max(impl.params.solve_tolerance, kDerivativeTolerance));
+    }
     if (progress.report || progress.cancelled) progress.update("light", 1.0);
   }
 

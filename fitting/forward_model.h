@@ -27,9 +27,9 @@ struct ForwardParams {
   /// Indirect bounces; empty: all.
   std::optional<int> bounces{};
   /// What the compact spectra leave out, relative to the largest spectrum of one bounce, in [1e-10, 1e-2].
-  double spectral_tolerance = 1e-5;
-  /// Relative change at which the sum over all bounces ends, in [1e-14, 1e-3].
-  double solve_tolerance = 1e-9;
+  double spectral_tolerance = 1e-4;
+  /// What the light may lack of its equation, relative to the largest direct part, in [1e-14, 1e-3].
+  double solve_tolerance = 1e-8;
 };
 
 void validate(const ForwardParams& params);  ///< Throws InvalidParams, naming field, value and range.

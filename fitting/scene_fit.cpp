@@ -137,7 +137,9 @@ SceneFit fit_scene(const ForwardModel& model, const Capture& capture, const FitS
   fit.data = fit_data(capture, params);
   fit.noise_known = capture.noise.known();
   fit.residuals = fit.data.residuals;
-  if (params.staged) run_small_pictures(model, params, start, fit, progress);
+  if (params.staged) {
+    run_small_pictures(params.small_pictures != nullptr ? *params.small_pictures : model, params, start, fit, progress);
+  }
 
   if (params.blur) fit.state.blur_px = std::max(fit.state.blur_px, kFirstBlur);
   PhotometricSearch search{model, fit.data, params, start, progress, fit.free};

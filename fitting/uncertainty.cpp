@@ -246,6 +246,7 @@ ForwardParams coarser(const ForwardParams& params) {
   if (result.mesh) {
     result.mesh->most_turn_deg = std::min(90.0, 2.0 * result.mesh->most_turn_deg);
     result.mesh->contact_halvings = std::max(0, result.mesh->contact_halvings - 1);
+    result.mesh->most_faces = std::max(1, result.mesh->most_faces / 4);
   }
   return result;
 }

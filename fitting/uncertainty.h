@@ -23,7 +23,7 @@ struct UncertaintyParams {
   const ForwardModel* coarser = nullptr;
 };
 
-/// Turns twice as large, and one halving less at contacts.
+/// Turns twice as large, a quarter of the faces at most, and one halving less at contacts.
 ForwardParams coarser(const ForwardParams& params);
 
 /// One free shared parameter.
