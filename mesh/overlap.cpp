@@ -109,7 +109,7 @@ std::vector<Overlap> measure_overlap(const std::vector<SolidSurface>& surfaces) 
       std::vector<double> depth(own.points.size(), 0);
       tbb::parallel_for(std::size_t{0}, own.points.size(), [&](std::size_t i) {
         const Located at = sides[b].locate(own.points[i], own.normals[i], tolerance);
-        if (at.counts && at.height < -kContactRounding_mm) depth[i] = -at.height;
+        if (at.counts && at.height < -kContactRoundingMm) depth[i] = -at.height;
       });
       for (const auto& t : own.triangles) {
         const double area = (own.points[t[1]] - own.points[t[0]]).cross(own.points[t[2]] - own.points[t[0]]).norm() / 2;
@@ -146,7 +146,7 @@ bool separate(std::vector<SolidSurface>& surfaces) {
           const Located at = sides[b].locate(own.points[i], own.normals[i], tolerance);
           // A border that pokes through a surface at an angle is drawn back as well.
           const bool counts = at.counts || sides[a].point_on_border[i];
-          if (counts && at.height < -kContactRounding_mm && at.normal.squaredNorm() > 0)
+          if (counts && at.height < -kContactRoundingMm && at.normal.squaredNorm() > 0)
             pushes[i] = (clearance - 0.6 * at.height) * at.normal;
         });
         for (std::size_t i = 0; i < pushes.size(); ++i) {

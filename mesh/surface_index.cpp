@@ -127,7 +127,7 @@ bool stays_on_one_side(const Corners& a, const Corners& b) {
     low = std::min(low, height);
     high = std::max(high, height);
   }
-  return (low >= -kContactRounding_mm) != (high <= kContactRounding_mm);
+  return (low >= -kContactRoundingMm) != (high <= kContactRoundingMm);
 }
 
 bool cross(const Corners& a, const Corners& b) {

@@ -57,10 +57,10 @@ class CurveIndex {
 };
 
 /// Surfaces that are nearer to each other touch and do not pass through each other.
-inline constexpr double kContactRounding_mm = 1e-9;
+inline constexpr double kContactRoundingMm = 1e-9;
 
 /// Triangles of one mesh and of another that have a point in common, decided with exact predicates; sorted. Those that
-/// reach no deeper than kContactRounding_mm are left out.
+/// reach no deeper than kContactRoundingMm are left out.
 /// Pairs that share a vertex with bit-equal coordinates touch on purpose and are left out unless they also
 /// cross away from it.
 std::vector<std::pair<int, int>> crossing_triangles(const std::vector<Eigen::Vector3d>& points_a,

@@ -154,7 +154,7 @@ std::vector<std::vector<Eigen::Vector2d>> BeamView::lit_outlines(int face, const
     return faces_.points[static_cast<std::size_t>(of[static_cast<std::size_t>(k)])];
   };
   // Everything relative to a corner of the face: no digits are lost far from the origin.
-  const Eigen::Vector3d origin = point(corners, 0);
+  const Eigen::Vector3d& origin = point(corners, 0);
   Outline outline;
   double bottom = std::numeric_limits<double>::infinity();
   for (int k = 0; k < mesh::corner_count(corners); ++k) {

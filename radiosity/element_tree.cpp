@@ -42,7 +42,7 @@ ElementTree::ElementTree(const Elements& elements) {
     }
   }
   flat_ = 1e-14 * reach;
-  clusters_.reserve(static_cast<std::size_t>(2 * n));
+  clusters_.reserve(2 * static_cast<std::size_t>(n));
   if (n > 0) build(elements, 0, n);
 }
 

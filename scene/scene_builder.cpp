@@ -168,7 +168,7 @@ class Builder {
                            ": the mesh is closed, but sides = \"two\"; a closed solid is one-sided. Remove \"sides\".");
       }
       warn_of_crossings(described, remeshed[o].report);
-      built_.objects[o].remesh = std::move(remeshed[o].report);
+      built_.objects[o].remesh = remeshed[o].report;
       built_.scene.objects.push_back(std::move(object));
     }
     follow_contacts();
