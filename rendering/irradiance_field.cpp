@@ -22,7 +22,9 @@ using Eigen::Vector3d;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // An edge that is seen shorter than this many pixels has no value at its middle.
-constexpr double kSmallestEdgePixels = 1.0;
+constexpr double kSmallestEdgePixels = 1.0 / 16.0;
+// Bends along edges up to this many pixels are bends within a pixel.
+constexpr double kLargestBentPixels = 2.0;
 // One above this size has one in any case, since something may happen between ends that look alike.
 constexpr double kLargestEdgePixels = 24.0;
 constexpr int kMaxLevels = 10;
@@ -70,18 +72,38 @@ struct Leaf {
 /// A triangle to be split: which edges get a gathered value at their middle, and the points there.
 struct Split {
   Leaf leaf;
+  std::array<double, 3> pixels{};  ///< lengths of its edges in the picture
   std::array<bool, 3> gathered{};
   std::array<int, 3> middle{};
 };
 
 }  // namespace
 
+struct IrradianceField::Known {
+  std::unordered_map<Key, int, KeyHash> points;
+};
+
 IrradianceField::IrradianceField(const Surface& surface, const Gatherer& gatherer, const CameraRays& camera,
-                                 const std::vector<int>& visible, const Eigen::VectorXd& weight, double tolerance,
-                                 const Progress& progress)
-    : channels_(static_cast<int>(weight.size())), root_(2 * static_cast<std::size_t>(surface.face_count()), -1) {
+                                 const Eigen::VectorXd& weight, double tolerance)
+    : surface_(&surface),
+      gatherer_(&gatherer),
+      camera_(&camera),
+      weight_(weight),
+      tolerance_(tolerance),
+      channels_(static_cast<int>(weight.size())),
+      known_(std::make_unique<Known>()),
+      bent_pixel_(static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height), 0),
+      root_(2 * static_cast<std::size_t>(surface.face_count()), -1) {}
+
+IrradianceField::~IrradianceField() = default;
+
+void IrradianceField::add(const std::vector<int>& sides, const Progress& progress) {
+  const Surface& surface = *surface_;
+  const Gatherer& gatherer = *gatherer_;
+  const CameraRays& camera = *camera_;
+  const Eigen::VectorXd& weight = weight_;
+  std::unordered_map<Key, int, KeyHash>& known = known_->points;
   const double grid = 1e-3 * surface.smallest_face_mm();
-  std::unordered_map<Key, int, KeyHash> known;
   std::vector<SurfacePoint> wanted;  // not yet gathered; numbered after points_
 
   const auto point_at = [&](int face, bool back, int half, const Vector3d& weights) {
@@ -147,8 +169,8 @@ IrradianceField::IrradianceField(const Surface& surface, const Gatherer& gathere
   const auto middle_of = [](const Leaf& leaf, std::size_t k) -> Vector3d {
     return 0.5 * (leaf.weights[k] + leaf.weights[(k + 1) % 3]);
   };
-  /// Lengths of the three edges in the picture [pixels]; nothing if the triangle lies outside of it.
-  const auto edge_pixels = [&](const Leaf& leaf) -> std::optional<std::array<double, 3>> {
+  /// Where the corners are seen; nothing if one of them is behind the camera.
+  const auto places = [&](const Leaf& leaf) -> std::optional<std::array<Vector2d, 3>> {
     const auto c = Surface::corners(leaf.half);
     std::array<Vector2d, 3> place;
     for (std::size_t k = 0; k < 3; ++k) {
@@ -156,15 +178,35 @@ IrradianceField::IrradianceField(const Surface& surface, const Gatherer& gathere
                          leaf.weights[k][1] * surface.corner(leaf.face, c[1]) +
                          leaf.weights[k][2] * surface.corner(leaf.face, c[2]);
       const std::optional<Vector2d> seen = camera.project(p);
-      // Behind the camera: as large as can be.
-      if (!seen) return std::array<double, 3>{kInfinity, kInfinity, kInfinity};
+      if (!seen) return std::nullopt;
       place[k] = *seen;
     }
+    return place;
+  };
+  /// Lengths of the three edges in the picture [pixels]; nothing if the triangle lies outside of it.
+  const auto edge_pixels = [&](const Leaf& leaf) -> std::optional<std::array<double, 3>> {
+    const std::optional<std::array<Vector2d, 3>> seen = places(leaf);
+    // Behind the camera: as large as can be.
+    if (!seen) return std::array<double, 3>{kInfinity, kInfinity, kInfinity};
+    const std::array<Vector2d, 3>& place = *seen;
     const Vector2d low = place[0].cwiseMin(place[1]).cwiseMin(place[2]);
     const Vector2d high = place[0].cwiseMax(place[1]).cwiseMax(place[2]);
     if (high.x() < 0.0 || high.y() < 0.0 || low.x() > camera.width || low.y() > camera.height) return std::nullopt;
     return std::array<double, 3>{(place[1] - place[0]).norm(), (place[2] - place[1]).norm(),
                                  (place[0] - place[2]).norm()};
+  };
+  const auto mark_bent = [&](const Leaf& leaf) {
+    const std::optional<std::array<Vector2d, 3>> seen = places(leaf);
+    if (!seen) return;
+    const Vector2d low = (*seen)[0].cwiseMin((*seen)[1]).cwiseMin((*seen)[2]);
+    const Vector2d high = (*seen)[0].cwiseMax((*seen)[1]).cwiseMax((*seen)[2]);
+    const auto pixel = [](double place, int count) { return std::clamp(static_cast<int>(place), 0, count - 1); };
+    for (int row = pixel(low.y(), camera.height); row <= pixel(high.y(), camera.height); ++row) {
+      for (int column = pixel(low.x(), camera.width); column <= pixel(high.x(), camera.width); ++column) {
+        bent_pixel_[static_cast<std::size_t>(row) * static_cast<std::size_t>(camera.width) +
+                    static_cast<std::size_t>(column)] = 1;
+      }
+    }
   };
   const auto spread = [&](const std::array<int, 3>& point, std::size_t k) {
     const double* other = values(point[(k + 1) % 3]);
@@ -176,7 +218,11 @@ IrradianceField::IrradianceField(const Surface& surface, const Gatherer& gathere
     std::vector<Vector3d> positions;
     for (const SurfacePoint& point : points_) positions.push_back(point.position);
     std::vector<std::array<int, 3>> triangles;
-    for (const Triangle& triangle : triangles_) triangles.push_back(triangle.point);
+    for (std::size_t side = 0; side < root_.size(); ++side) {
+      if (root_[side] < 0) continue;
+      for (int half = 0; half < surface.triangles(static_cast<int>(side / 2)); ++half)
+        triangles.push_back(triangles_[static_cast<std::size_t>(root_[side] + half)].point);
+    }
     const radiosity::RowMatrix values_of_points = Eigen::Map<const radiosity::RowMatrix>(
         value_.data(), static_cast<Eigen::Index>(points_.size()), static_cast<Eigen::Index>(channels_));
     const InterpolationError error(positions, values_of_points, triangles, weight);
@@ -191,7 +237,8 @@ IrradianceField::IrradianceField(const Surface& surface, const Gatherer& gathere
   };
 
   std::vector<Leaf> leaves;
-  for (const int side : visible) {
+  for (const int side : sides) {
+    if (root_[static_cast<std::size_t>(side)] >= 0) continue;
     const int face = side / 2;
     const bool back = side % 2 != 0;
     root_[static_cast<std::size_t>(side)] = static_cast<int>(triangles_.size());
@@ -218,10 +265,11 @@ IrradianceField::IrradianceField(const Surface& surface, const Gatherer& gathere
     for (const Leaf& leaf : leaves) {
       const std::optional<std::array<double, 3>> pixels = edge_pixels(leaf);
       if (!pixels) continue;
-      Split split{leaf};
+      Split split{leaf, *pixels};
       for (std::size_t k = 0; k < 3; ++k) {
-        split.gathered[k] =
-            (*pixels)[k] > kSmallestEdgePixels && (leaf.expected[k] > tolerance || (*pixels)[k] > kLargestEdgePixels);
+        const double share = std::min(1.0, std::max({(*pixels)[0], (*pixels)[1], (*pixels)[2]}));
+        split.gathered[k] = (*pixels)[k] > kSmallestEdgePixels &&
+                            (share * leaf.expected[k] > tolerance_ || (*pixels)[k] > kLargestEdgePixels);
       }
       if (split.gathered[0] || split.gathered[1] || split.gathered[2]) splits.push_back(split);
     }
@@ -237,17 +285,22 @@ IrradianceField::IrradianceField(const Surface& surface, const Gatherer& gathere
       const Leaf& leaf = split.leaf;
       const std::array<int, 3> corner = triangles_[static_cast<std::size_t>(leaf.triangle)].point;
       std::array<double, 3> error{};
+      double bend = 0.0;  // largest difference between a pixel's mean and its middle that an edge within it makes
       for (std::size_t k = 0; k < 3; ++k) {
         const int from = corner[k];
         const int to = corner[(k + 1) % 3];
         if (split.gathered[k]) {
           error[k] = difference(values(split.middle[k]), values(from), values(to));
+          // A kink of height e over L pixels bends the line by 4 e/L, which moves the mean over a pixel by e/(2 L).
+          if (split.pixels[k] <= kLargestBentPixels)
+            bend = std::max(bend, error[k] * std::min(1.0, 0.5 / split.pixels[k]));
           continue;
         }
         split.middle[k] = static_cast<int>(points_.size());
         points_.push_back(points_[static_cast<std::size_t>(from)]);
         for (int c = 0; c < channels_; ++c) value_.push_back(0.5 * (values(from)[c] + values(to)[c]));
       }
+      if (bend > tolerance_) mark_bent(leaf);
       const auto [m01, m12, m20] = split.middle;
       const auto first = static_cast<int>(triangles_.size());
       triangles_[static_cast<std::size_t>(leaf.triangle)].first_child = first;

@@ -256,4 +256,51 @@ PrimarySamples primary_samples(const scene::Scene& scene, const CameraRays& came
   return result;
 }
 
+void divide_pixels(PrimarySamples& samples, const std::vector<char>& pixels, const scene::Scene& scene,
+                   const CameraRays& camera, const Surface& surface, const radiosity::Visibility& visibility,
+                   int samples_per_side) {
+  const auto n = static_cast<std::size_t>(samples_per_side);
+  if (n == 1) return;
+  const Tracer tracer{scene, camera, surface, visibility};
+  const PixelLattice lattice(n * n);
+  const std::size_t beams = tracer.beams();
+  const auto width = static_cast<std::size_t>(camera.width);
+  const PrimarySamples before = std::move(samples);
+  samples = {};
+  samples.rays = before.rays;
+  samples.divided_pixels = before.divided_pixels;
+  samples.first.push_back(0);
+  const auto wanted = [&](std::size_t pixel) {
+    return pixels[pixel] != 0 && before.first[pixel + 1] - before.first[pixel] == 1;
+  };
+  for (std::size_t pixel = 0; pixel < pixels.size(); ++pixel) {
+    const std::size_t count = wanted(pixel) ? lattice.size() : before.first[pixel + 1] - before.first[pixel];
+    samples.first.push_back(samples.first.back() + count);
+    if (!wanted(pixel)) continue;
+    ++samples.divided_pixels;
+    samples.rays += static_cast<std::int64_t>(lattice.size());
+  }
+  samples.sample.resize(samples.first.back());
+  samples.beam.resize(samples.first.back() * beams);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, pixels.size(), 64),
+                    [&](const tbb::blocked_range<std::size_t>& range) {
+                      std::vector<Vector2d> places(lattice.size());
+                      std::vector<Probe> probes(lattice.size());
+                      for (std::size_t pixel = range.begin(); pixel < range.end(); ++pixel) {
+                        const std::size_t first = samples.first[pixel];
+                        const std::size_t count = samples.first[pixel + 1] - first;
+                        if (!wanted(pixel)) {
+                          std::copy_n(before.sample.data() + before.first[pixel], count, samples.sample.data() + first);
+                          std::copy_n(before.beam.data() + before.first[pixel] * beams, count * beams,
+                                      samples.beam.data() + first * beams);
+                          continue;
+                        }
+                        const Vector2d corner(static_cast<double>(pixel % width), static_cast<double>(pixel / width));
+                        for (std::size_t s = 0; s < count; ++s) places[s] = corner + lattice.at(s, pixel);
+                        tracer.trace(places, probes, std::span(samples.beam).subspan(first * beams, count * beams));
+                        for (std::size_t s = 0; s < count; ++s) samples.sample[first + s] = probes[s].sample;
+                      }
+                    });
+}
+
 }  // namespace interglow::rendering

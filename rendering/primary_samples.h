@@ -34,4 +34,10 @@ struct PrimarySamples {
 PrimarySamples primary_samples(const scene::Scene& scene, const CameraRays& camera, const Surface& surface,
                                const radiosity::Visibility& visibility, int samples_per_side, const Progress& progress);
 
+/// Gives pixels with one sample a lattice of them, where `pixels` (one value a pixel) is not 0. Cost O(samples) +
+/// samples_per_side² for each such pixel.
+void divide_pixels(PrimarySamples& samples, const std::vector<char>& pixels, const scene::Scene& scene,
+                   const CameraRays& camera, const Surface& surface, const radiosity::Visibility& visibility,
+                   int samples_per_side);
+
 }  // namespace interglow::rendering

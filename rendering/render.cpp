@@ -112,9 +112,7 @@ RenderedImages render(const scene::Scene& scene, const radiosity::Elements& elem
   Stopwatch ray_time;
   const Surface surface(scene, elements);
   const radiosity::Visibility visibility(elements.faces);
-  const PrimarySamples samples = primary_samples(scene, camera, surface, visibility, params.samples_per_side, progress);
-  images.report.primary_rays = samples.rays;
-  images.report.divided_pixels = samples.divided_pixels;
+  PrimarySamples samples = primary_samples(scene, camera, surface, visibility, params.samples_per_side, progress);
   images.report.seconds_rays = ray_time.seconds();
 
   Stopwatch gather_time;
@@ -130,19 +128,28 @@ RenderedImages render(const scene::Scene& scene, const radiosity::Elements& elem
   std::optional<Gatherer> gatherer;
   std::optional<IrradianceField> field;
   if (channel_count > 0 && channels.mean_irradiance > 0.0) {
-    std::vector<char> seen(2 * static_cast<std::size_t>(surface.face_count()), 0);
-    for (const Sample& sample : samples.sample) {
-      if (sample.side >= 0) seen[static_cast<std::size_t>(sample.side)] = 1;
-    }
-    std::vector<int> visible;
-    for (int side = 0; side < 2 * surface.face_count(); ++side) {
-      if (seen[static_cast<std::size_t>(side)] && material_of(side) >= 0) visible.push_back(side);
-    }
+    const auto visible = [&] {
+      std::vector<char> seen(2 * static_cast<std::size_t>(surface.face_count()), 0);
+      for (const Sample& sample : samples.sample) {
+        if (sample.side >= 0) seen[static_cast<std::size_t>(sample.side)] = 1;
+      }
+      std::vector<int> sides;
+      for (int side = 0; side < 2 * surface.face_count(); ++side) {
+        if (seen[static_cast<std::size_t>(side)] && material_of(side) >= 0) sides.push_back(side);
+      }
+      return sides;
+    };
     const double tolerance = params.gather_tolerance * channels.mean_irradiance;
     gatherer.emplace(elements, visibility, channels.source, channels.strength, tolerance);
-    field.emplace(surface, *gatherer, camera, visible, channels.weight, tolerance, progress);
+    field.emplace(surface, *gatherer, camera, channels.weight, tolerance);
+    field->add(visible(), progress);
+    divide_pixels(samples, field->bent_pixels(), scene, camera, surface, visibility, params.samples_per_side);
+    // What only the further samples see. Where it bends, its pixels are divided already.
+    field->add(visible(), progress);
     images.report.gather_points = static_cast<std::int64_t>(field->gather_points());
   }
+  images.report.primary_rays = samples.rays;
+  images.report.divided_pixels = samples.divided_pixels;
   images.report.seconds_gather = gather_time.seconds();
 
   Stopwatch pixel_time;

@@ -12,6 +12,8 @@
 
 #include "diagnostics/error.h"
 #include "mesh/subdivide.h"
+#include "radiosity/form_factor.h"
+#include "rendering/camera_rays.h"
 #include "shapes.h"
 
 namespace interglow::rendering {
@@ -353,6 +355,60 @@ TEST(Render, EmittersAndSkyLightTheFloor) {
   scene.camera.position = {0, 0, 5};
   const RenderedImages behind = render(scene, elements, direct_only(elements), {});
   EXPECT_EQ(behind.emission.pixel(1, 1)[0], 0.0F);
+}
+
+// The half-shadow of a wall under a lamp, 4 mm wide, seen so flat that a pixel is 8 mm deep. What a point of the floor
+// sees of the lamp is a rectangle that ends where the wall's top stands before it; its form factor is Lambert's.
+TEST(Render, HalfShadowsInsideAPixelShowWithTheirMean) {
+  scene::Scene scene = empty_scene();
+  scene.materials.push_back(test::grey("black", 0.0, 3));
+  constexpr double kLamp_mm = 60, kWall_mm = 10, kNear_mm = 40, kFar_mm = 60;
+  scene.objects = {object(mesh::subdivide(test::level_square(60, 0, true), 20.0)),
+                   object(test::quad({-500, 0, 0}, {500, 0, 0}, {500, 0, kWall_mm}, {-500, 0, kWall_mm}), 2),
+                   object(test::quad({-10, kNear_mm, kLamp_mm}, {-10, kFar_mm, kLamp_mm}, {10, kFar_mm, kLamp_mm},
+                                     {10, kNear_mm, kLamp_mm}),
+                          2)};
+  scene.objects[2].exitance = Vector3d(100.0, 200.0, 300.0);
+  scene.camera.position = {0, -300, 60};
+  scene.camera.target = {0, -10, 0};
+  scene.camera.up = {0, 0, 1};
+  scene.camera.width = 16;
+  scene.camera.height = 8;
+  scene.camera.horizontal_fov_deg = 5.0;
+  const radiosity::Elements elements = radiosity::make_elements(scene);
+  const RenderedImages images =
+      render(scene, elements, direct_only(elements), {.samples_per_side = 16, .gather_tolerance = 1e-4});
+
+  const auto irradiance = [&](const Vector3d& p) {  // per unit of exitance
+    const double last = std::min(kFar_mm, -p.y() * (kLamp_mm / kWall_mm - 1.0));
+    if (last <= kNear_mm) return 0.0;
+    radiosity::Polygon seen;
+    seen.corners = 4;
+    seen.corner = {Vector3d(-10, kNear_mm, kLamp_mm), Vector3d(-10, last, kLamp_mm), Vector3d(10, last, kLamp_mm),
+                   Vector3d(10, kNear_mm, kLamp_mm)};
+    return radiosity::point_form_factor(p, Vector3d::UnitZ(), seen);
+  };
+  const CameraRays camera = camera_rays(scene.camera);
+  const double lit = 0.8 / kPi * 100 * irradiance({0, -20, 0});
+  constexpr int kParts = 24;
+  int half_lit = 0;
+  for (int row = 0; row < scene.camera.height; ++row) {
+    for (int column = 0; column < scene.camera.width; column += 5) {
+      double mean = 0.0;
+      bool is_floor = true;
+      for (int i = 0; i < kParts * kParts; ++i) {
+        const Vector3d direction =
+            camera.direction(column + (i % kParts + 0.5) / kParts, row + (i / kParts + 0.5) / kParts);
+        const Vector3d p = camera.origin - camera.origin.z() / direction.z() * direction;
+        is_floor = is_floor && direction.z() < 0 && p.y() < -0.5 && p.y() > -60;
+        if (is_floor) mean += 0.8 / kPi * 100 * irradiance(p) / (kParts * kParts);
+      }
+      if (!is_floor) continue;
+      if (mean > 0.02 * lit && mean < 0.9 * lit) ++half_lit;
+      EXPECT_NEAR(images.re.pixel(row, column)[0], mean, 2e-3 * lit) << "row " << row << " column " << column;
+    }
+  }
+  EXPECT_GE(half_lit, 4);
 }
 
 TEST(Render, SameBitsForAnyNumberOfThreads) {
