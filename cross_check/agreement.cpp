@@ -103,8 +103,8 @@ class Judge {
                                     : kInfinity;
     // Grid convergence with a safety factor of 3 and order 2: 3 |f_h - f_2h| / (2² - 1).
     if (comparison.coarser) result.discretisation = std::abs(sums.candidate - sums.coarser) / scale;
-    const double alpha = 1.0 - params_.confidence;
-    result.half_width = quantile(params_.confidence, result.degrees_of_freedom) * result.standard_error;
+    const double alpha = risk();
+    result.half_width = quantile(1.0 - alpha, result.degrees_of_freedom) * result.standard_error;
     if (comparison.largest_possible_sample && kind != RegionKind::kBand) {
       const double count = pixels * static_cast<double>(comparison.samples_per_pixel);
       result.bernstein_half_width =
@@ -118,10 +118,12 @@ class Judge {
   }
 
  private:
+  double risk() const { return risk_of_look(1.0 - params_.confidence, params_.look); }
+
   /// @param reach  half-width that a claim of agreement must leave room for
   void decide(RegionResult& result, double reach) const {
     const double difference = std::abs(result.relative_difference);
-    const double family_alpha = (1.0 - params_.confidence) / static_cast<double>(families_);
+    const double family_alpha = risk() / static_cast<double>(families_);
     const double family_reach = quantile(1.0 - family_alpha, result.degrees_of_freedom) * result.standard_error;
     if (difference + result.discretisation + reach < params_.margin) {
       result.verdict = Verdict::kAgrees;
@@ -150,7 +152,11 @@ class Judge {
     double room = std::max(to_agree, to_disagree);
     if (room < chance) room = std::max(room, 0.25 * (params_.margin - result.discretisation));
     if (!(room > 0.0) || (result.standard_error == 0.0 && reach == 0.0)) return kInfinity;
-    const double whole_reach = (to_agree >= to_disagree ? reach : family_reach) + chance;
+    // The next look may spend less.
+    const double next_risk = risk_of_look(1.0 - params_.confidence, params_.look + 1);
+    const double growth =
+        quantile(1.0 - next_risk, result.degrees_of_freedom) / quantile(1.0 - risk(), result.degrees_of_freedom);
+    const double whole_reach = (to_agree >= to_disagree ? reach : family_reach) * growth + chance;
     return std::max(1.0, std::pow(whole_reach / room, 2));
   }
 
@@ -240,6 +246,8 @@ const char* name(Verdict verdict) {
   return "undecided";
 }
 
+double risk_of_look(double risk, int look) { return risk / (static_cast<double>(look) * (look + 1)); }
+
 void validate(const AgreementParams& params) {
   const auto check = [](bool good, const char* field, double value, const char* range) {
     if (!good) throw InvalidParams(fmt::format("agreement: {} is {}, expected {}.", field, value, range));
@@ -250,6 +258,7 @@ void validate(const AgreementParams& params) {
         "1 to 1024");
   check(params.least_signal >= 0.0 && params.least_signal < 1.0, "least_signal", params.least_signal,
         "from 0 to below 1");
+  check(params.look >= 1, "look", params.look, "at least 1");
   check(params.power > 0.5 && params.power < 1.0, "power", params.power, "between 0.5 and 1");
 }
 
@@ -297,7 +306,7 @@ Agreement judge(const std::vector<Comparison>& comparisons, const AgreementParam
     result.p_difference = 0.0;
     agreement.regions.push_back(result);
   }
-  detect_differences(agreement.regions, 1.0 - params.confidence);
+  detect_differences(agreement.regions, risk_of_look(1.0 - params.confidence, params.look));
   agreement.verdict = agreement.regions.empty() ? Verdict::kUndecided : Verdict::kAgrees;
   const auto is_undecided = [](const RegionResult& region) { return region.verdict == Verdict::kUndecided; };
   const auto can_be_decided = [&](const RegionResult& region) {

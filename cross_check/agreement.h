@@ -30,7 +30,14 @@ struct AgreementParams {
   double least_signal = 0.02;
   /// Probability of deciding that sample planning aims at, in (0.5, 1).
   double power = 0.95;
+  /// Which look at the samples this is, from 1, where they grow until a verdict: each look may err, and all of them
+  /// together must not err more often than the confidence allows. See `risk_of_look`.
+  int look = 1;
 };
+
+/// What look k = 1, 2, ... may spend of the whole risk: risk / (k (k + 1)), which sums to the whole for any number of
+/// looks (Bonferroni).
+double risk_of_look(double risk, int look);
 
 void validate(const AgreementParams& params);
 
@@ -65,7 +72,7 @@ struct RegionResult {
   double standard_error = 0.0;       ///< of the relative difference
   double degrees_of_freedom = 0.0;   ///< Welch-Satterthwaite
   double discretisation = 0.0;       ///< bound on the candidate's own relative error
-  /// Half-width of the one-sided interval at the stated confidence, Student's t; discretisation not included.
+  /// Half-width of the one-sided interval at the confidence of this look, Student's t; discretisation not included.
   double half_width = 0.0;
   /// The same from the empirical Bernstein inequality (Maurer and Pontil 2009), which trusts no rare-event-free sample
   /// variance; empty where the largest sample is unknown or the region is a band. It must fit into the margin too

@@ -71,14 +71,16 @@ void sample_until_decided(CrossCheck& check, PathTracer& tracer, const CrossChec
                           const Progress& progress, const std::function<std::vector<Comparison>()>& compare,
                           const std::function<std::vector<Comparison>()>& compare_without_noise = {}) {
   int wanted = params.first_batches;
+  cross_check::AgreementParams agreement = params.agreement;
 
   double traced_s = 0.0;
-  while (true) {
+  for (agreement.look = 1;; ++agreement.look) {
     const Stopwatch step;
     tracer.add_batches(wanted, progress);
     traced_s += step.seconds();
     check.comparisons = compare();
-    check.agreement = cross_check::judge(check.comparisons, params.agreement);
+    check.agreement = cross_check::judge(check.comparisons, agreement);
+    check.looks = agreement.look;
     const double pixels = static_cast<double>(check.scene.camera.width) * check.scene.camera.height;
     check.noise.push_back(
         {traced_s, static_cast<double>(tracer.paths()) / pixels, rms_noise(tracer.estimate(Channel::kTotal))});
@@ -87,14 +89,15 @@ void sample_until_decided(CrossCheck& check, PathTracer& tracer, const CrossChec
     if (compare_without_noise) {
       const std::vector<Comparison> best = compare_without_noise();
       check.reference_limits = variance(check.comparisons) < (1.0 + kLeastOwnVariance) * variance(best) ||
-                               !samples_help(check.agreement, cross_check::judge(best, params.agreement));
+                               !samples_help(check.agreement, cross_check::judge(best, agreement));
       if (check.reference_limits) break;
     }
     const double left_s = params.time_limit_s - clock.seconds();
     const double batch_s = traced_s / tracer.batches();
     const auto affordable = static_cast<int>(std::min(1e6, left_s / std::max(batch_s, 1e-9)));
-    // At most doubled at once, because the plan follows a noisy estimate.
-    const double growth = std::clamp(check.agreement.samples_factor - 1.0, 0.25, 1.0);
+    // At most four times at once, because the plan follows a noisy estimate, and half as many again at least, because
+    // every look costs confidence.
+    const double growth = std::clamp(check.agreement.samples_factor - 1.0, 0.5, 3.0);
     wanted = std::min(affordable, static_cast<int>(std::ceil(growth * tracer.batches())));
     if (wanted < 8) {
       check.out_of_time = true;

@@ -59,6 +59,7 @@ struct CrossCheck {
   bool reference_has_error = true;  ///< false: differences only, no verdict
   std::vector<NoisePoint> noise;
   int batches = 0;
+  int looks = 1;  ///< at the samples, the last of which judged
   std::int64_t paths = 0;
   double largest_sample = 0.0;
   double seconds_path_tracer = 0.0;

@@ -85,6 +85,7 @@ Json summary_section(const CrossCheck& check) {
 
 Json verdict_section(const CrossCheck& check, const CrossCheckParams& params) {
   Json rows = Json::array();
+  const double risk = 1.0 - params.agreement.confidence;
   for (const RegionResult& region : check.agreement.regions) {
     rows.push_back({region.channel + ", " + region.region, Json{{"verdict", cross_check::name(region.verdict)}},
                     percent_number(region.relative_difference), percent_number(region.half_width),
@@ -92,19 +93,22 @@ Json verdict_section(const CrossCheck& check, const CrossCheckParams& params) {
                     percent_number(region.discretisation), region.reference,
                     region.difference_detected ? "yes" : "no"});
   }
-  return {{"type", "table"},
-          {"title", "Verdicts"},
-          {"text",
-           fmt::format("A region agrees if difference, interval and discretisation together stay inside {}. The "
-                       "interval is one-sided at {} (Student's t); for the whole picture the Bernstein interval, "
-                       "which does not trust the sample variance, must fit too. Components below {} of the total are "
-                       "measured by that share of it.",
-                       percent(params.agreement.margin), percent(params.agreement.confidence),
-                       percent(params.comparison.faint_component_share))},
-          {"columns",
-           {"Region", "Verdict", "Difference [%]", "Interval ± [%]", "Bernstein ± [%]", "Discretisation [%]",
-            "Reference [W m⁻² sr⁻¹]", "Detected"}},
-          {"rows", rows}};
+  return {
+      {"type", "table"},
+      {"title", "Verdicts"},
+      {"text",
+       fmt::format("A region agrees if difference, interval and discretisation together stay inside {}. The "
+                   "interval is one-sided (Student's t) at {}, so that all looks at the growing samples, of which "
+                   "this is number {}, err together with less than the stated risk of {}; for the whole picture the "
+                   "Bernstein interval, which does not trust the sample variance, must fit too. Components below {} "
+                   "of the total are measured by that share of it.",
+                   percent(params.agreement.margin),
+                   fmt::format("{:.3f} %", 100.0 * (1.0 - cross_check::risk_of_look(risk, check.looks))), check.looks,
+                   percent(risk), percent(params.comparison.faint_component_share))},
+      {"columns",
+       {"Region", "Verdict", "Difference [%]", "Interval ± [%]", "Bernstein ± [%]", "Discretisation [%]",
+        "Reference [W m⁻² sr⁻¹]", "Detected"}},
+      {"rows", rows}};
 }
 
 Json forest_section(const CrossCheck& check, const CrossCheckParams& params) {
@@ -283,6 +287,7 @@ Json result_json(const CrossCheck& check, const CrossCheckParams& params) {
   return {{"verdict", cross_check::name(check.verdict)},
           {"margin", params.agreement.margin},
           {"confidence", params.agreement.confidence},
+          {"looks", check.looks},
           {"difference_detected", check.agreement.difference_detected},
           {"z_rms", check.diagnosis.z_rms},
           {"z_rms_by_chance", check.diagnosis.expected_z_rms},
@@ -361,8 +366,12 @@ std::string verdict_sentence(const CrossCheck& check, const CrossCheckParams& pa
                                             ? fmt::format(", discretisation {:.3f} %", 100.0 * region->discretisation)
                                             : "");
   if (check.verdict == Verdict::kDisagrees) {
-    return fmt::format("{} differ by more than {} in {} of {} regions; the worst is {}.", sides,
-                       percent(params.agreement.margin), count(check, Verdict::kDisagrees), regions, where);
+    return fmt::format("{} differ by more than {} in {} of {} regions; the worst is {}.{}", sides,
+                       percent(params.agreement.margin), count(check, Verdict::kDisagrees), regions, where,
+                       check.coarser_run() == nullptr && check.candidate_run() != nullptr
+                           ? " The patches were not halved and their error only estimated, as \"What was not tested\" "
+                             "says: look there for patches across shadows or contacts that are too large."
+                           : "");
   }
   return fmt::format("{} of {} regions agree within {}, {}; the widest is {}.", count(check, Verdict::kAgrees), regions,
                      percent(params.agreement.margin), undecided_regions(check), where);

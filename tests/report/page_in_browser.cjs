@@ -61,7 +61,14 @@ const axe = require('axe-core');
     assert.notEqual(await page.evaluate(() => document.activeElement.tagName), 'BODY', 'Tab reaches controls');
     await page.screenshot({path: path.join(folder, 'report_wide.png'), fullPage: true});
 
+    // Tables scroll on their own; none has to, neither at a desk nor on a phone.
+    const tables_that_scroll = () => page.locator('.scroll').evaluateAll((nodes) =>
+        nodes.filter((node) => node.scrollWidth > node.clientWidth).map((node) => `${node.getAttribute('aria-label')}: ${node.scrollWidth} px in ${node.clientWidth} px`));
+    await page.setViewportSize({width: 1280, height: 900});
+    assert.deepEqual(await tables_that_scroll(), []);
+
     await page.setViewportSize({width: 390, height: 800});
+    assert.deepEqual(await tables_that_scroll(), []);
     const overflow = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
     assert(overflow <= 0, `a phone-wide window scrolls sideways by ${overflow} px`);
     await page.screenshot({path: path.join(folder, 'report_narrow.png'), fullPage: true});

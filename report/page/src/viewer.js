@@ -64,7 +64,7 @@ class Viewer {
       'aria-label': 'Picture. Arrow keys move the pixel, + and - zoom, F flips, S slides, 0 shows all.',
       onkeydown: (event) => this.onKey(event), onclick: (event) => this.onClick(event),
       onwheel: (event) => this.onWheel(event), onpointerdown: (event) => this.onDragStart(event)});
-    this.readout = element('p', {class: 'readout', role: 'status'});
+    this.readout = element('p', {class: 'readout', role: 'status'}, 'The pictures are being unpacked …');
     this.buttons = section.images.map((image, i) => element('button', {type: 'button', 'aria-pressed': 'false',
       onclick: () => this.show(i)}, image.name));
     this.slideButton = element('button', {type: 'button', 'aria-pressed': 'false', onclick: () => this.setMode('slide')}, 'Slider');
