@@ -13,13 +13,12 @@ struct Patch {
   Vector origin, e1, e2, e3, normal, centre, density;
   Real area, triangle;
   explicit Patch(const Lanes& lanes) {
-    Real head[14], shape[15];
-    lanes.load(offsetof(PatchRecord, centre), head);
+    const Centre line(lanes);
+    centre = line.centre, normal = line.normal, area = line.area;
+    Real shape[15], kind[1];
     lanes.load(offsetof(PatchRecord, origin), shape);
-    centre = {head[0], head[1], head[2]};
-    normal = {head[3], head[4], head[5]};
-    area = head[6];
-    triangle = head[13];
+    lanes.load(offsetof(PatchRecord, triangle), kind);
+    triangle = kind[0];
     origin = {shape[0], shape[1], shape[2]};
     e1 = {shape[3], shape[4], shape[5]};
     e2 = {shape[6], shape[7], shape[8]};
@@ -47,8 +46,8 @@ void centres(const PatchRecord* const* first, const PatchRecord* const* second, 
     const Lanes first_lanes(first + start, lanes_used), second_lanes(second + start, lanes_used);
     const Centre a(first_lanes), b(second_lanes);
     const CentreLine line(a, b);
-    const Real value = moments ? line.with_moments(a, b) : line.exchange;
-    for (int lane = 0; lane < lanes_used; ++lane) exchange[start + lane] = value[lane];
+    const Real value = moments ? line.with_moments(a, b, Moments(first_lanes), Moments(second_lanes)) : line.exchange;
+    store(exchange + start, value, lanes_used);
   }
 }
 
@@ -100,7 +99,7 @@ void product_of(const PatchRecord* const* first, const PatchRecord* const* secon
       sum += from.weighted_height[i] * inner;
     }
     sum *= a.area * b.area * (1 / kPi);
-    for (int lane = 0; lane < lanes_used; ++lane) exchange[start + lane] = sum[lane];
+    store(exchange + start, sum, lanes_used);
   }
 }
 
@@ -196,7 +195,7 @@ void edges_of_parallelograms(const PatchRecord* const* first, const PatchRecord*
       }
     // e·f = 4 a·b; 1/2 for the squares.
     sum *= 1 / kPi;
-    for (int lane = 0; lane < lanes_used; ++lane) exchange[start + lane] = sum[lane];
+    store(exchange + start, sum, lanes_used);
   }
 }
 
@@ -230,7 +229,7 @@ void edges_of_any(const PatchRecord* const* first, const PatchRecord* const* sec
         sum += a_b * of_pair;
       }
     sum *= 1 / kPi;
-    for (int lane = 0; lane < lanes_used; ++lane) exchange[start + lane] = sum[lane];
+    store(exchange + start, sum, lanes_used);
   }
 }
 
@@ -242,7 +241,7 @@ void edges(const PatchRecord* const* first, const PatchRecord* const* second, in
 }  // namespace
 
 const Kernels& INTERGLOW_KERNELS() {
-  static constexpr Kernels table{INTERGLOW_KERNEL_NAME, classify, centres, product, edges};
+  static constexpr Kernels table{INTERGLOW_KERNEL_NAME, settle, classify, centres, product, edges};
   return table;
 }
 

@@ -6,23 +6,37 @@
 namespace interglow::radiosity::batch {
 namespace {
 
-/// What a pair of patches is asked first: one line of the record, and the moments.
+/// The first line of the records.
 struct Centre {
   Vector centre, normal;
-  Real area, radius, deviation, lever, second, third, fourth, half_edge, perimeter, skew, parallelogram;
-  Vector moment1, moment2;
+  Real area, ball;
   explicit Centre(const Lanes& lanes) {
-    Real field[24];
+    Real field[8];
     lanes.load(offsetof(PatchRecord, centre), field);
     centre = {field[0], field[1], field[2]};
     normal = {field[3], field[4], field[5]};
-    area = field[6], radius = field[7], deviation = field[8], lever = field[9];
-    second = field[10], third = field[11], fourth = field[12];
-    parallelogram = 1.0 - field[13] - field[14];
-    half_edge = field[15];
-    moment1 = {field[16], field[17], field[18]};
-    moment2 = {field[19], field[20], field[21]};
-    perimeter = field[22], skew = field[23];
+    area = field[6], ball = field[7];
+  }
+};
+
+/// The second line.
+struct Sizes {
+  Real half_edge, middle_radius, perimeter, sides, second, fourth, skew, parallelogram;
+  explicit Sizes(const Lanes& lanes) {
+    Real field[8];
+    lanes.load(offsetof(PatchRecord, half_edge), field);
+    half_edge = field[0], middle_radius = field[1], perimeter = field[2], sides = field[3];
+    second = field[4], fourth = field[5], skew = field[6], parallelogram = field[7];
+  }
+};
+
+struct Moments {
+  Vector first, second;
+  explicit Moments(const Lanes& lanes) {
+    Real field[6];
+    lanes.load(offsetof(PatchRecord, moment1), field);
+    first = {field[0], field[1], field[2]};
+    second = {field[3], field[4], field[5]};
   }
 };
 
@@ -39,7 +53,7 @@ struct CentreLine {
         inverse_square(1.0 / max(square, splat(1e-280))),
         exchange(a.area * b.area * height_a * height_b * inverse_square * inverse_square * (1 / kPi)) {}
 
-  Real with_moments(const Centre& a, const Centre& b) const {
+  Real with_moments(const Centre& a, const Centre& b, const Moments& of_first, const Moments& of_second) const {
     // K of second order times h: finite where h is small.
     const auto moved = [this](Vector moment, Vector other_normal, Vector way, Real height) {
       const Real along = dot(way, moment) * inverse_square;
@@ -47,24 +61,28 @@ struct CentreLine {
              4.0 * along * dot(other_normal, moment);
     };
     const Vector back = splat(-1) * between;
-    const Real of_a = moved(a.moment1, b.normal, back, height_a) + moved(a.moment2, b.normal, back, height_a);
-    const Real of_b = moved(b.moment1, a.normal, between, height_b) + moved(b.moment2, a.normal, between, height_b);
+    const Real of_a =
+        moved(of_first.first, b.normal, back, height_a) + moved(of_first.second, b.normal, back, height_a);
+    const Real of_b =
+        moved(of_second.first, a.normal, between, height_b) + moved(of_second.second, a.normal, between, height_b);
     return exchange +
            a.area * b.area * (of_a * height_b + of_b * height_a) * inverse_square * inverse_square * (1 / kPi);
   }
 };
 
 struct Shape {
+  Real radius, deviation, lever, third;
   Vector origin, e1, e2, e3;
-  Real length1, length2;
   explicit Shape(const Lanes& lanes) {
-    Real field[14];
-    lanes.load(offsetof(PatchRecord, origin), field);
-    origin = {field[0], field[1], field[2]};
-    e1 = {field[3], field[4], field[5]};
-    e2 = {field[6], field[7], field[8]};
-    e3 = {field[9], field[10], field[11]};
-    length1 = field[12], length2 = field[13];
+    Real field[4];
+    lanes.load(offsetof(PatchRecord, radius), field);
+    radius = field[0], deviation = field[1], lever = field[2], third = field[3];
+    Real vectors[12];
+    lanes.load(offsetof(PatchRecord, origin), vectors);
+    origin = {vectors[0], vectors[1], vectors[2]};
+    e1 = {vectors[3], vectors[4], vectors[5]};
+    e2 = {vectors[6], vectors[7], vectors[8]};
+    e3 = {vectors[9], vectors[10], vectors[11]};
   }
 };
 

@@ -33,6 +33,24 @@ inline Vector operator*(Real s, Vector a) { return {s * a.x, s * a.y, s * a.z}; 
 inline Vector operator*(double s, Vector a) { return {s * a.x, s * a.y, s * a.z}; }
 inline Real dot(Vector a, Vector b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 
+/// The lanes in use, to memory.
+inline void store(double* to, Real value, int lanes_used) {
+  if (lanes_used == kLanes) {
+    __builtin_memcpy(to, &value, sizeof(Real));
+  } else {
+    for (int lane = 0; lane < lanes_used; ++lane) to[lane] = value[lane];
+  }
+}
+inline void store(std::int32_t* to, Real value, int lanes_used) {
+  using Integers = std::int32_t __attribute__((vector_size(kLanes * sizeof(std::int32_t))));
+  const Integers rounded = __builtin_convertvector(value, Integers);
+  if (lanes_used == kLanes) {
+    __builtin_memcpy(to, &rounded, sizeof(Integers));
+  } else {
+    for (int lane = 0; lane < lanes_used; ++lane) to[lane] = rounded[lane];
+  }
+}
+
 /// Rows of kLanes doubles become columns.
 inline void transpose(Real (&row)[kLanes]) {
 #if INTERGLOW_LANES == 8
@@ -74,10 +92,8 @@ struct Lanes {
   bool uniform;
 
   Lanes(const PatchRecord* const* records, int count) : uniform(true) {
-    for (int lane = 0; lane < kLanes; ++lane) {
-      record[lane] = records[lane < count ? lane : count - 1];
-      uniform = uniform && record[lane] == record[0];
-    }
+    for (int lane = 0; lane < kLanes; ++lane) record[lane] = records[lane < count ? lane : count - 1];
+    for (int lane = 1; lane < kLanes; ++lane) uniform = uniform & (record[lane] == record[0]);
   }
   /// kCount doubles from `offset` bytes into the records. @pre kCount rounded up to kLanes stays inside the record
   template <int kCount>
@@ -103,9 +119,17 @@ struct Lanes {
 };
 
 inline bool any(Mask mask) {
+#if INTERGLOW_LANES == 8
+  using Bytes = signed char __attribute__((vector_size(kLanes)));
+  const Bytes narrow = __builtin_convertvector(mask, Bytes);
+  long long all;
+  __builtin_memcpy(&all, &narrow, sizeof(all));
+  return all != 0;
+#else
   long long some = 0;
   for (int lane = 0; lane < kLanes; ++lane) some |= mask[lane];
   return some != 0;
+#endif
 }
 
 inline Real square_of(Real x) { return x * x; }

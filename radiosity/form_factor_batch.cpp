@@ -132,11 +132,10 @@ double mean_of(const PatchRecord& record, Function f) {
 
 /// Absolute and directed moments about the centre.
 void set_moments(PatchRecord& record) {
-  const bool symmetric = record.triangle == 0 && record.bilinear == 0;
   record.second = mean_of(record, [](const Vector3d& x) { return x.squaredNorm(); });
   record.fourth = mean_of(record, [](const Vector3d& x) { return x.squaredNorm() * x.squaredNorm(); });
   // By Cauchy and Schwarz, for |x|³ is no polynomial.
-  record.third = symmetric ? 0 : std::sqrt(record.second * record.fourth);
+  record.third = record.parallelogram > 0 ? 0 : std::sqrt(record.second * record.fourth);
   // Cholesky in the frame of the direction in which the patch is longer, as p = (xx, xy) / √xx.
   const Vector3d normal = load(record.normal), side = load(record.e1).squaredNorm() > load(record.e2).squaredNorm()
                                                           ? load(record.e1)
@@ -185,7 +184,7 @@ PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double
     record.density[0] = plane.normal.dot(e1.cross(e2)) / plane.area;
     record.density[1] = plane.normal.dot(e1.cross(e3)) / plane.area;
     record.density[2] = plane.normal.dot(e3.cross(e2)) / plane.area;
-    record.bilinear = e3.norm() > 8 * std::numeric_limits<double>::epsilon() ? 1 : 0;
+    record.parallelogram = e3.norm() > 8 * std::numeric_limits<double>::epsilon() ? 0 : 1;
     const double first = plane.normal.dot((c[1] - c[0]).cross(c[2] - c[0])),
                  second = plane.normal.dot((c[2] - c[0]).cross(c[3] - c[0]));
     store(record.centre, (first * (c[0] + c[1] + c[2]) + second * (c[0] + c[2] + c[3])) / (3 * (first + second)));
@@ -195,25 +194,20 @@ PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double
   for (int i = 0; i < scaled.corners; ++i) {
     const double edge = (c[i + 1 == scaled.corners ? 0 : i + 1] - c[i]).norm();
     record.perimeter += edge;
+    const Vector3d middle = (c[i] + c[i + 1 == scaled.corners ? 0 : i + 1]) / 2;
+    record.middle_radius = std::max(record.middle_radius, (middle - load(record.centre)).norm());
     longest_edge = std::max(longest_edge, edge);
   }
   record.half_edge = longest_edge / 2;
   record.skew = triangle ? 0 : e3.norm() * longest_edge;
   set_moments(record);
-  record.length1 = e1.norm();
-  record.length2 = e2.norm();
+  record.sides = std::sqrt(e1.norm() * e2.norm() * (e1.norm() * e2.norm() + std::abs(e1.dot(e2))));
   record.deviation = 2 * plane.deviation;
   record.lever = (4 * plane.deviation + 16 * std::numeric_limits<double>::epsilon() * longest) / plane.thickness;
+  const double reach = 8;  // farther than two points in normalised coordinates are apart
+  record.ball =
+      record.deviation + record.lever * reach < batch::kOpen ? record.radius : std::numeric_limits<double>::max() / 4;
   return record;
-}
-
-bool is_parallelogram(const PatchRecord& record) { return record.triangle == 0 && record.bilinear == 0; }
-
-/// 0: the product rule for cut patches; 2n: the edge rule of 2n points for parallelograms, 2n + 1 for others.
-constexpr int kBuckets = kMaxEdgePoints + 2;
-int bucket(std::int32_t choice, const PatchRecord& first, const PatchRecord& second) {
-  if (choice == batch::kCut) return 0;
-  return 2 * (choice - batch::kEdges) + (is_parallelogram(first) && is_parallelogram(second) ? 0 : 1);
 }
 
 }  // namespace
@@ -258,8 +252,9 @@ void FormFactorBatch::exchange_areas(std::uint32_t one, std::span<const std::uin
                                      std::span<FormFactor> results) const {
   using batch::kBlock;
   std::array<const PatchRecord*, kBlock> first, second, packed_first, packed_second;
-  std::array<std::int32_t, kBlock> choice, place;
-  std::array<double, kBlock> bound, exchange;
+  std::array<std::int32_t, kBlock> choice, packed_choice;
+  std::array<int, kBlock> rest, place;
+  std::array<double, kBlock> bound, exchange, packed;
   const double square_unit = unit_ * unit_;
   for (std::size_t start = 0; start < others.size(); start += kBlock) {
     const int count = static_cast<int>(std::min<std::size_t>(kBlock, others.size() - start));
@@ -269,56 +264,73 @@ void FormFactorBatch::exchange_areas(std::uint32_t one, std::span<const std::uin
       first[k] = &records_[std::min(one, other)];
       second[k] = &records_[std::max(one, other)];
     }
-    kernels_->classify(first.data(), second.data(), count, tolerance, choice.data(), bound.data(), exchange.data());
-    const auto store_result = [&](int k, double found, FormFactorMethod method) {
-      const double value = std::clamp(found, 0.0, std::min(first[k]->area, second[k]->area));
-      results[start + k] = {value * square_unit, bound[k] * square_unit, method};
-    };
-    // Sorted by what is to be done, so that all pairs of a vector take the same rule.
-    std::array<int, kBuckets> members{};
+    kernels_->settle(first.data(), second.data(), count, tolerance, choice.data(), bound.data(), exchange.data());
+    FormFactor* const found = results.data() + start;
+    // Without branches: which pairs are settled cannot be foreseen.
+    int left = 0, unsettled = 0;
     for (int k = 0; k < count; ++k) {
-      switch (choice[k]) {
-        case batch::kNothing:
-          results[start + k] = {};
-          break;
-        case batch::kMoments:
-          store_result(k, exchange[k], FormFactorMethod::kFarQuadrature);
-          break;
-        case batch::kContour: {
-          const std::uint32_t other = others[start + k];
-          const double least_area = std::min(first[k]->area, second[k]->area) * square_unit;
-          results[start + k] =
-              exchange_area(polygons_[std::min(one, other)], polygons_[std::max(one, other)], tolerance * least_area);
-          break;
-        }
-        default:
-          ++members[bucket(choice[k], *first[k], *second[k])];
+      found[k] = {exchange[k] * square_unit, bound[k] * square_unit, FormFactorMethod::kFarQuadrature};
+      rest[left] = place[unsettled] = k;
+      left += choice[k] != batch::kSettled ? 1 : 0;
+      unsettled += choice[k] == batch::kUnsettled ? 1 : 0;
+    }
+    if (left == 0) continue;
+    if (unsettled > 0) {
+      for (int i = 0; i < unsettled; ++i) {
+        packed_first[i] = first[place[i]];
+        packed_second[i] = second[place[i]];
+      }
+      kernels_->classify(packed_first.data(), packed_second.data(), unsettled, tolerance, packed_choice.data(),
+                         packed.data());
+      for (int i = 0; i < unsettled; ++i) {
+        choice[place[i]] = packed_choice[i];
+        bound[place[i]] = packed[i];
       }
     }
-    std::array<int, kBuckets + 1> begin{};
-    for (int b = 0; b < kBuckets; ++b) begin[b + 1] = begin[b] + members[b];
-    if (begin[kBuckets] == 0) continue;
-    std::array<int, kBuckets> next;
-    std::copy(begin.begin(), begin.end() - 1, next.begin());
-    for (int k = 0; k < count; ++k) {
-      if (choice[k] == batch::kNothing || choice[k] == batch::kMoments || choice[k] == batch::kContour) continue;
-      const int to = next[bucket(choice[k], *first[k], *second[k])]++;
+    // Sorted by choice: all pairs of a vector take the same rule.
+    std::array<int, batch::kChoices + 1> begin{}, next;
+    for (int i = 0; i < left; ++i) ++begin[choice[rest[i]] + 1];
+    for (int c = 0; c < batch::kChoices; ++c) begin[c + 1] += begin[c];
+    next = begin;
+    for (int i = 0; i < left; ++i) {
+      const int k = rest[i], to = next[choice[k]]++;
       place[to] = k;
       packed_first[to] = first[k];
       packed_second[to] = second[k];
     }
-    for (int b = 0; b < kBuckets; ++b) {
-      if (members[b] == 0) continue;
-      const PatchRecord** one_side = packed_first.data() + begin[b];
-      const PatchRecord** other_side = packed_second.data() + begin[b];
-      double* found = exchange.data() + begin[b];
-      if (b == 0)
-        kernels_->product(one_side, other_side, members[b], product_rule(2), found);
-      else
-        kernels_->edges(one_side, other_side, members[b], edge_rule(2 * (b / 2)), b % 2 == 0, found);
-      for (int i = begin[b]; i < begin[b + 1]; ++i)
-        store_result(place[i], exchange[i],
-                     b == 0 ? FormFactorMethod::kFarQuadrature : FormFactorMethod::kEdgeQuadrature);
+    for (int c = 0; c < batch::kChoices; ++c) {
+      const int from = begin[c], members = begin[c + 1] - from;
+      if (members == 0) continue;
+      const PatchRecord* const* one_side = packed_first.data() + from;
+      const PatchRecord* const* other_side = packed_second.data() + from;
+      double* const values = packed.data() + from;
+      FormFactorMethod method = FormFactorMethod::kFarQuadrature;
+      if (c == batch::kNothing) {
+        for (int i = from; i < begin[c + 1]; ++i) found[place[i]] = {};
+        continue;
+      }
+      if (c == batch::kContour) {
+        for (int i = from; i < begin[c + 1]; ++i) {
+          const std::uint32_t other = others[start + place[i]];
+          const double least_area = std::min(packed_first[i]->area, packed_second[i]->area) * square_unit;
+          found[place[i]] =
+              exchange_area(polygons_[std::min(one, other)], polygons_[std::max(one, other)], tolerance * least_area);
+        }
+        continue;
+      }
+      if (c == batch::kCentres || c == batch::kMoments) {
+        kernels_->centres(one_side, other_side, members, c == batch::kMoments, values);
+      } else if (c == batch::kCut) {
+        kernels_->product(one_side, other_side, members, product_rule(2), values);
+      } else {
+        const int points = c - batch::kEdges;
+        kernels_->edges(one_side, other_side, members, edge_rule(points), points % 2 == 0, values);
+        method = FormFactorMethod::kEdgeQuadrature;
+      }
+      for (int i = from; i < begin[c + 1]; ++i) {
+        const double value = std::clamp(packed[i], 0.0, std::min(packed_first[i]->area, packed_second[i]->area));
+        found[place[i]] = {value * square_unit, bound[place[i]] * square_unit, method};
+      }
     }
   }
 }
@@ -346,7 +358,7 @@ void FormFactorBatch::exchange_areas_by_rule(std::uint32_t one, std::span<const 
     } else {
       bool parallelograms = true;
       for (int k = 0; k < count; ++k)
-        parallelograms = parallelograms && is_parallelogram(*first[k]) && is_parallelogram(*second[k]);
+        parallelograms = parallelograms && first[k]->parallelogram > 0 && second[k]->parallelogram > 0;
       kernels_->edges(first.data(), second.data(), count, edge_rule(rule.points), parallelograms, found);
     }
     for (int k = 0; k < count; ++k) results[start + k] *= unit_ * unit_;
