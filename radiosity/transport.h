@@ -17,8 +17,8 @@ namespace interglow::radiosity {
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 struct TransportParams {
-  /// Wanted error of a row of form factors: the absolute errors of one element's factors sum, as independent errors do,
-  /// to at most this. Smaller costs more quadrature points and visibility tests. In [1e-12, 0.1].
+  /// Wanted error of a row of form factors: of the sum of one element's factors, and of any part of it. Smaller costs
+  /// more quadrature points and visibility tests. In [1e-12, 0.1].
   double tolerance = 1e-4;
   /// Whether objects hide one another. Off only for scenes known to be convex cavities: it saves the search for
   /// blockers.
@@ -45,7 +45,10 @@ struct TransportReport {
   double max_row_sum = 0.0;
   double closure_max = 0.0;  ///< max_i |Σ_j F_ij - 1|; meaningful for closed scenes only
   double closure_rms = 0.0;
-  double error_estimate_max = 0.0;    ///< largest row error estimate
+  /// Largest row error estimate. A row's estimate is the sum of the error bounds of its factors, whose signs may agree,
+  /// and, where lines tell what is visible, so many standard deviations of them that no row of the scene exceeds its
+  /// own with a probability of 99 %.
+  double error_estimate_max = 0.0;
   double error_estimate_rms = 0.0;    ///< of the row error estimates, weighted with the areas; without black sides
   double smoothing_change_max = 0.0;  ///< largest change of a form factor by closure smoothing
   double seconds_search = 0.0;        ///< culling and blocker search

@@ -19,7 +19,8 @@
 #include "radiosity/blocker_search.h"
 #include "radiosity/form_factor.h"
 #include "radiosity/line_sampling.h"
-#include "radiosity/row_budget.h"
+#include "radiosity/row_error.h"
+#include "radiosity/sampled_tile.h"
 #include "radiosity/shadow_cells.h"
 
 namespace interglow::radiosity {
@@ -35,11 +36,17 @@ constexpr std::size_t kTasks = 1024;
 constexpr std::size_t kMostClipped = 12;
 /// Lines between two clusters, one of them black, that must all be blocked for the pair to be dropped.
 constexpr int kClusterLines = 256;
-/// Lines of a sampled pair that one line does not settle.
-constexpr int kFewestLines = 4;
-constexpr int kMostLines = 4096;
-/// After this many the row's budget decides how many more there will be.
-constexpr int kFirstLines = 8;
+/// Draws of lines other than those of sampled tiles.
+constexpr std::uint64_t kLonePairs = 2;
+constexpr std::uint64_t kClusterLine = 16;
+/// Lines of a pair past few bodies that the cells give up.
+constexpr int kManyLines = 4096;
+/// Of what a row may be wrong by: the rest is for chance in the spread of lines, which the pilots only guess.
+constexpr double kPlanned = 0.9;
+/// Variance of a lattice's lines over that which pilots expect of independent ones, about.
+constexpr double kOfLattice = 0.12;
+/// However much the rules may be wrong by, this share of the tolerance is left to lines.
+constexpr double kLeastForLines = 0.25;
 
 struct NodePair {
   int a;
@@ -65,7 +72,9 @@ void take_away(const ShadowResult& result, FormFactor& exchange, TransportReport
 class Descent {
  public:
   Descent(const AssemblyProblem& problem, const Progress& stop) : problem_(problem), stop_(stop), search_(problem) {
-    if (problem.visibility) lines_.emplace(problem.elements, problem.tree, *problem.visibility);
+    if (!problem.visibility) return;
+    lines_.emplace(problem.elements, problem.tree, *problem.visibility);
+    sampler_.emplace(problem);
   }
 
   void run(NodePair pair) {
@@ -78,12 +87,9 @@ class Descent {
 
   TileMatrix::Chunk chunk;
   TransportReport counts;
-  struct RowError {
-    int element;
-    double squared;
-  };
   std::vector<RowError> row_errors;
-  std::vector<UnsettledPair> unsettled;
+  std::vector<SampledTile> sampled;
+  std::vector<RowSpread> spread;  ///< of the sampled tiles
 
  private:
   /// A pair of a tile that blockers may reach.
@@ -92,13 +98,6 @@ class Descent {
     int column;
     int first_candidate;
     int candidates;
-  };
-
-  /// The line that every pair of a sampled tile gets: the first that carries something.
-  struct FirstLine {
-    int number = 0;
-    double weight = 0.0;
-    bool blocked = false;
   };
 
   const Cluster& cluster(int node) const { return problem_.cluster(node); }
@@ -164,14 +163,11 @@ class Descent {
       pairs(a, b, candidates);
     }
     if (!any_) return;
-    in_doubt_ = 0.0;
-    if (sampled_ && !sample_tile()) return;
     values_.assign(static_cast<std::size_t>(rows_ * columns_), 0.0);
-    squared_error_a_.assign(static_cast<std::size_t>(rows_), 0.0);
-    squared_error_b_.assign(static_cast<std::size_t>(columns_), 0.0);
-    std::size_t first_unsettled = unsettled.size();
+    of_rows_.assign(static_cast<std::size_t>(rows_), {});
+    of_columns_.assign(static_cast<std::size_t>(columns_), {});
     fill();
-    if (a == b) {
+    if (a == b && !sampled_) {
       for (int r = 0; r < columns_; ++r) {
         for (int c = 0; c < r; ++c) {
           double& lower = values_[static_cast<std::size_t>(r * columns_ + c)];
@@ -180,39 +176,24 @@ class Descent {
         }
       }
     }
-    if (in_doubt_ > 0.0) add_doubt();
-    const auto add_errors = [&](int first, const std::vector<double>& squared) {
-      for (std::size_t k = 0; k < squared.size(); ++k) {
-        if (squared[k] > 0.0) row_errors.push_back({element(first + static_cast<int>(k)), squared[k]});
+    const auto add_errors = [&](int first, std::vector<RowError>& errors) {
+      for (std::size_t k = 0; k < errors.size(); ++k) {
+        if (!(errors[k].bound > 0.0 || errors[k].variance > 0.0)) continue;
+        errors[k].element = element(first + static_cast<int>(k));
+        row_errors.push_back(errors[k].over(problem_.elements.area_mm2[errors[k].element]));
       }
     };
-    add_errors(row_first_, squared_error_a_);
-    add_errors(column_first_, squared_error_b_);
+    add_errors(row_first_, of_rows_);
+    add_errors(column_first_, of_columns_);
     chunk.values.push_back(values_);
     double* const tile_values = chunk.values.back().data();
-    for (; first_unsettled < unsettled.size(); ++first_unsettled) {
-      const int at = unsettled[first_unsettled].pair.at;
-      unsettled[first_unsettled].value = tile_values + at;
-      if (a == b) unsettled[first_unsettled].mirror = tile_values + at % columns_ * columns_ + at / columns_;
-    }
     chunk.tiles.push_back({problem_.tile_of_node[static_cast<std::size_t>(a)],
                            problem_.tile_of_node[static_cast<std::size_t>(b)], tile_values});
-  }
-
-  /// What a tile's agreeing lines leave open may be wrong for all of a row at once.
-  void add_doubt() {
-    for (int r = 0; r < rows_; ++r) {
-      const double area = problem_.elements.area_mm2[element(row_first_ + r)];
-      double sum = 0.0;
-      for (int c = 0; c < columns_; ++c) sum += values_[static_cast<std::size_t>(r * columns_ + c)];
-      squared_error_a_[static_cast<std::size_t>(r)] += std::pow(in_doubt_ * sum / area, 2);
-    }
-    for (int c = 0; c < columns_; ++c) {
-      const double area = problem_.elements.area_mm2[element(column_first_ + c)];
-      double sum = 0.0;
-      for (int r = 0; r < rows_; ++r) sum += values_[static_cast<std::size_t>(r * columns_ + c)];
-      squared_error_b_[static_cast<std::size_t>(c)] += std::pow(in_doubt_ * sum / area, 2);
-    }
+    if (!sampled_) return;
+    SampledTile tile{row_first_, column_first_, rows_, columns_, tile_values, {}, std::move(methods_)};
+    sampler_->draw_pilot(tile);
+    sampler_->find_spread(tile, spread);
+    sampled.push_back(std::move(tile));
   }
 
   /// Marks the pairs of a tile that face one another and lists those that blockers may reach.
@@ -266,22 +247,12 @@ class Descent {
     if (!in_front_of(i, problem_.tree.polygon(j)) || !in_front_of(j, problem_.tree.polygon(i))) return false;
     ++counts.facing_pairs;
     any_ = true;
-    facing_[static_cast<std::size_t>((p - row_first_) * columns_ + q - column_first_)] = kFacing;
+    facing_[static_cast<std::size_t>((p - row_first_) * columns_ + q - column_first_)] = 1;
     return true;
   }
 
-  /// Error of a sampled exchange area that its rows can bear [mm²]. With e² = ε² (1/N + F) / 2 for an entry F the
-  /// squares of a row, whose entries sum to at most 1, sum to ε²; the variance of n lines falls as F² / n, so that
-  /// entries get lines in proportion to their size, which is the fewest lines for a given error of the row.
-  double sampling_tolerance(int i, int j, double exchange) const {
-    const double smaller = std::min(problem_.elements.area_mm2[i], problem_.elements.area_mm2[j]);
-    return smaller * std::sqrt(0.5 * (problem_.entry_tolerance * problem_.entry_tolerance +
-                                      problem_.params.tolerance * problem_.params.tolerance * exchange / smaller));
-  }
-
-  /// Error below which a pair is settled whatever else its rows hold: all N of them together take a quarter of the
-  /// squared tolerance [mm²].
-  double settled_tolerance(int i, int j) const {
+  /// Wanted error of what blockers hide [mm²].
+  double shadow_tolerance(int i, int j) const {
     return 0.5 * problem_.entry_tolerance * std::min(problem_.elements.area_mm2[i], problem_.elements.area_mm2[j]);
   }
 
@@ -298,7 +269,7 @@ class Descent {
       }
       row_results_.assign(others_.size(), FormFactor{});
       problem_.kernel->exchange_areas(static_cast<std::uint32_t>(element(row_first_ + r)), others_,
-                                      0.1 * problem_.entry_tolerance, row_results_);
+                                      problem_.unoccluded_tolerance, row_results_);
       for (std::size_t k = 0; k < others_.size(); ++k) {
         // The vector kernel takes patches that rise above a plane by a few roundings of the scene as not rising.
         if (row_results_[k].method == FormFactorMethod::kZero) {
@@ -306,28 +277,28 @@ class Descent {
                                           problem_.elements.area_mm2[static_cast<Eigen::Index>(others_[k])]);
           row_results_[k] = exchange_area(problem_.tree.polygon(element(row_first_ + r)),
                                           problem_.tree.polygon(static_cast<int>(others_[k])),
-                                          0.1 * problem_.entry_tolerance * smaller);
+                                          problem_.unoccluded_tolerance * smaller);
         }
         results_[static_cast<std::size_t>(r * columns_ + columns_of_others_[k])] = row_results_[k];
       }
     }
-    sample_pairs();
     for (const Shadowed& pair : shadowed_) {
       FormFactor& exchange = results_[static_cast<std::size_t>(pair.row * columns_ + pair.column)];
       if (exchange.value > 0.0) shadow(pair, exchange);
     }
+    methods_.assign(sampled_ ? results_.size() : 0, 0);
     for (int r = 0; r < rows_; ++r) {
       for (int c = 0; c < columns_; ++c) {
         const auto at = static_cast<std::size_t>(r * columns_ + c);
-        if (facing_[at] != kFacing) continue;
+        if (facing_[at] == 0) continue;
         const FormFactor& exchange = results_[at];
-        ++counts.pairs_by_method[static_cast<std::size_t>(exchange.method)];
+        if (sampled_ && exchange.value > 0.0)
+          methods_[at] = static_cast<std::uint8_t>(exchange.method);  // counted once it is settled
+        else
+          ++counts.pairs_by_method[static_cast<std::size_t>(exchange.method)];
         values_[at] = exchange.value;
-        const double squared = exchange.error_estimate * exchange.error_estimate;
-        const double area_a = problem_.elements.area_mm2[element(row_first_ + r)];
-        const double area_b = problem_.elements.area_mm2[element(column_first_ + c)];
-        squared_error_a_[static_cast<std::size_t>(r)] += squared / (area_a * area_a);
-        squared_error_b_[static_cast<std::size_t>(c)] += squared / (area_b * area_b);
+        of_rows_[static_cast<std::size_t>(r)].bound += exchange.error_estimate;
+        of_columns_[static_cast<std::size_t>(c)].bound += exchange.error_estimate;
       }
     }
   }
@@ -342,24 +313,35 @@ class Descent {
           &problem_.blockers
                .body[static_cast<std::size_t>(candidate_pool_[static_cast<std::size_t>(pair.first_candidate + k)])]);
     }
-    const double bearable = sampling_tolerance(outer, source, exchange.value);
-    ShadowResult result;
-    if (bodies_.size() <= kMostClipped) {
-      const double tolerance = 0.5 * problem_.entry_tolerance *
-                               std::min(problem_.elements.area_mm2[outer], problem_.elements.area_mm2[source]);
-      const bool swap = better_outer(source, outer);
-      result = cells_.integrate(problem_.tree.polygon(swap ? source : outer),
-                                problem_.tree.polygon(swap ? outer : source), bodies_, tolerance, flat());
-    }
-    // Patches that touch, with blockers in the gap: the cells give up before lines do.
-    if (bodies_.size() > kMostClipped ||
-        result.error_estimate > std::max(bearable, exchange.value / static_cast<double>(kMostLines))) {
-      sampled_pairs_.assign(1, {outer, source, exchange.value, bearable});
-      lines_->sample(sampled_pairs_, kFewestLines, kMostLines);
-      const ShadowResult& sampled = sampled_pairs_[0].result;
-      if (bodies_.size() > kMostClipped || sampled.error_estimate < result.error_estimate) result = sampled;
-    }
+    const FormFactor whole = exchange;
+    const double tolerance = shadow_tolerance(outer, source);
+    const bool swap = better_outer(source, outer);
+    const ShadowResult result =
+        cells_.integrate(problem_.tree.polygon(swap ? source : outer), problem_.tree.polygon(swap ? outer : source),
+                         bodies_, tolerance, flat());
     take_away(result, exchange, counts);
+    // Patches that touch, with blockers in the gap: the cells give up before lines do.
+    if (result.error_estimate > 4.0 * tolerance) ask_lines(pair, whole, exchange);
+  }
+
+  /// The visible share by lines, if they know it better than the cells.
+  void ask_lines(const Shadowed& pair, const FormFactor& whole, FormFactor& exchange) {
+    const int i = element(row_first_ + pair.row);
+    const int j = element(column_first_ + pair.column);
+    lines_->clear();
+    lines_->add(std::min(i, j), std::max(i, j), kLonePairs, kManyLines);
+    lines_->trace();
+    const LineSums sums = lines_->sums(0, lines_->size());
+    const double variance = std::max(sums.variance(), 0.5 / (kManyLines * 1.0 * kManyLines));
+    if (problem_.deviations * std::sqrt(variance) * whole.value > exchange.error_estimate) return;
+    exchange.value = whole.value * sums.share();
+    exchange.error_estimate = whole.error_estimate;
+    RowError error;
+    error.variance = variance * whole.value * whole.value;
+    error.halves_variance = error.variance;
+    error.halves_squares = error.variance * error.variance;
+    of_rows_[static_cast<std::size_t>(pair.row)] += error;
+    of_columns_[static_cast<std::size_t>(pair.column)] += error;
   }
 
   /// Seen from the farther patch, shadows on the other one move less: their edges cross fewer of its corners.
@@ -375,33 +357,28 @@ class Descent {
   }
 
   bool hidden_by_lines(int a, int b);
-  bool sample_tile();
-  double largest_share() const;
-  void sample_pairs();
   const AssemblyProblem& problem_;
   const Progress& stop_;
   BlockerSearch search_;
   ShadowCells cells_;
   std::optional<LineSampler> lines_;
+  std::optional<TileSampler> sampler_;
   std::vector<const ConvexBody*> bodies_;
-  static constexpr char kFacing = 1, kUnsettled = 2;
-  std::vector<char> facing_;  ///< of the tile's pairs: 0, kFacing, kUnsettled
+  std::vector<char> facing_;  ///< of the tile's pairs: whether they face one another
   std::vector<Shadowed> shadowed_;
   std::vector<int> candidate_pool_;
   std::vector<std::uint32_t> others_;
   std::vector<int> columns_of_others_;
   std::vector<FormFactor> results_, row_results_;
-  std::vector<SampledPair> sampled_pairs_;
-  std::vector<FirstLine> first_lines_;
-  std::vector<std::size_t> places_;
-  std::vector<double> values_, squared_error_a_, squared_error_b_;
+  std::vector<std::uint8_t> methods_;
+  std::vector<double> values_;
+  std::vector<RowError> of_rows_, of_columns_;  ///< of the tile, as exchange areas
   int row_first_ = 0;
   int column_first_ = 0;
   int rows_ = 0;
   int columns_ = 0;
   bool any_ = false;
-  double in_doubt_ = 0.0;  ///< share of every pair of a sampled tile that its lines left open
-  bool sampled_ = false;   ///< rays decide about this tile's pairs
+  bool sampled_ = false;  ///< rays decide about this tile's pairs
 };
 
 /// The black inside of an open sheet is behind its outside for most of a scene, but no single face hides it. It sends
@@ -423,7 +400,8 @@ bool Descent::hidden_by_lines(int a, int b) {
       const double y = (number + 0.5) * kStep[1];
       const int i = element(ca.first + static_cast<int>((x - std::floor(x)) * ca.count));
       const int j = element(cb.first + static_cast<int>((y - std::floor(y)) * cb.count));
-      if (lines_->add_line(i, j, number)) areas += problem_.elements.area_mm2[j];
+      if (lines_->add(std::min(i, j), std::max(i, j), kClusterLine + number, 1) > 0)
+        areas += problem_.elements.area_mm2[j];
     }
     if (lines_->size() == 0) continue;
     lines_->trace();
@@ -438,125 +416,22 @@ bool Descent::hidden_by_lines(int a, int b) {
   if (lines < kClusterLines) return false;
   count_blocked(a, b);
   const double in_doubt = std::min(1.0, factor / lines) / lines;
-  for (int k = ca.first; k < ca.first + ca.count; ++k) row_errors.push_back({element(k), in_doubt * in_doubt});
+  for (int k = ca.first; k < ca.first + ca.count; ++k) row_errors.push_back({.element = element(k), .bound = in_doubt});
   return true;
 }
 
-/// One line for every pair of the tile, before anything is computed. If they agree, all of the tile is clear or
-/// blocked, with one line in doubt; not so where that would take too much of a row: its square may be a quarter of the
-/// squared tolerance times the tile's share of the row. False if the tile is blocked; `sampled_` stays set if the pairs
-/// must be looked at one by one.
-bool Descent::sample_tile() {
-  lines_->clear();
-  first_lines_.assign(static_cast<std::size_t>(rows_ * columns_), {});
-  places_.clear();
-  for (int r = 0; r < rows_; ++r) {
-    for (int c = 0; c < columns_; ++c) {
-      const auto at = static_cast<std::size_t>(r * columns_ + c);
-      if (facing_[at] == 0) continue;
-      const int i = std::min(element(row_first_ + r), element(column_first_ + c));
-      const int j = std::max(element(row_first_ + r), element(column_first_ + c));
-      // Not all pairs share front sides along every line.
-      int number = 0;
-      bool found = false;
-      for (; number < kFewestLines && !found; ++number) found = lines_->add_line(i, j, number);
-      first_lines_[at].number = number - 1;
-      if (!found) continue;
-      first_lines_[at].weight = lines_->weight(lines_->size() - 1);
-      places_.push_back(at);
-    }
-  }
-  lines_->trace();
-  std::size_t blocked = 0;
-  for (std::size_t k = 0; k < places_.size(); ++k) {
-    first_lines_[places_[k]].blocked = lines_->blocked(k);
-    if (lines_->blocked(k)) ++blocked;
-  }
-  constexpr std::size_t kEnough = 64;
-  if (lines_->size() < kEnough || (blocked != 0 && blocked != lines_->size())) return true;
-  in_doubt_ = 1.0 / static_cast<double>(lines_->size());
-  if (in_doubt_ * in_doubt_ * largest_share() > 0.25 * problem_.params.tolerance * problem_.params.tolerance) {
-    in_doubt_ = 0.0;
-    return true;
-  }
-  sampled_ = false;
-  if (blocked == 0) return true;
-  counts.blocked_pairs += static_cast<std::int64_t>(std::count(facing_.begin(), facing_.end(), kFacing));
-  return false;
-}
-
-/// About the largest sum of form factors of a row or column over the tile, from the pairs' first lines.
-double Descent::largest_share() const {
-  std::vector<double> of_row(static_cast<std::size_t>(rows_), 0.0);
-  std::vector<double> of_column(static_cast<std::size_t>(columns_), 0.0);
-  for (int r = 0; r < rows_; ++r) {
-    for (int c = 0; c < columns_; ++c) {
-      const double weight = first_lines_[static_cast<std::size_t>(r * columns_ + c)].weight / std::numbers::pi;
-      of_row[static_cast<std::size_t>(r)] += weight * problem_.elements.area_mm2[element(column_first_ + c)];
-      of_column[static_cast<std::size_t>(c)] += weight * problem_.elements.area_mm2[element(row_first_ + r)];
-    }
-  }
-  return std::max(*std::max_element(of_row.begin(), of_row.end()),
-                  *std::max_element(of_column.begin(), of_column.end()));
-}
-
-/// All pairs of a tile whose lines disagree.
-void Descent::sample_pairs() {
-  if (!sampled_) return;
-  sampled_pairs_.clear();
-  for (int r = 0; r < rows_; ++r) {
-    for (int c = 0; c < columns_; ++c) {
-      const auto at = static_cast<std::size_t>(r * columns_ + c);
-      if (facing_[at] == 0 || !(results_[at].value > 0.0)) continue;
-      const int i = std::min(element(row_first_ + r), element(column_first_ + c));
-      const int j = std::max(element(row_first_ + r), element(column_first_ + c));
-      const double exchange = results_[at].value;
-      const double bearable = settled_tolerance(i, j);
-      SampledPair pair{i, j, exchange, bearable};
-      pair.at = static_cast<int>(at);
-      const FirstLine& line = first_lines_[at];
-      pair.lines = line.number + 1;
-      pair.whole = line.weight;
-      pair.seen = line.blocked ? 0.0 : line.weight;
-      sampled_pairs_.push_back(pair);
-    }
-  }
-  lines_->sample(sampled_pairs_, kFewestLines, kFirstLines);
-  for (const SampledPair& pair : sampled_pairs_) {
-    const auto at = static_cast<std::size_t>(pair.at);
-    if (pair.result.error_estimate <= pair.tolerance) {
-      take_away(pair.result, results_[at], counts);
-    } else {
-      unsettled.push_back({pair, results_[at]});
-      facing_[at] = kUnsettled;
-    }
-  }
-}
-
-/// Draws the lines that a task's unsettled pairs are allowed and writes their exchange areas.
-void settle(const AssemblyProblem& problem, const Progress& stop, std::vector<UnsettledPair>& unsettled,
-            TransportReport& counts, std::vector<Descent::RowError>& row_errors) {
-  constexpr std::size_t kTogether = 1024;
-  LineSampler lines(problem.elements, problem.tree, *problem.visibility);
-  std::vector<SampledPair> pairs;
-  for (std::size_t first = 0; first < unsettled.size(); first += kTogether) {
+/// Draws the lines of a task's sampled tiles; tiles that turn out dark are given up.
+void settle(const AssemblyProblem& problem, const Progress& stop, const Eigen::VectorXd& lines_per_spread,
+            std::vector<SampledTile>& tiles, TileMatrix::Chunk& chunk, TransportReport& counts,
+            std::vector<RowError>& row_errors) {
+  TileSampler sampler(problem);
+  for (SampledTile& tile : tiles) {
     stop.update("shadows", 0.0);
-    const std::size_t end = std::min(first + kTogether, unsettled.size());
-    pairs.clear();
-    for (std::size_t k = first; k < end; ++k) pairs.push_back(unsettled[k].pair);
-    lines.sample(pairs, 2 * kFirstLines, kMostLines);
-    for (std::size_t k = first; k < end; ++k) {
-      FormFactor exchange = unsettled[k].unoccluded;
-      const SampledPair& pair = pairs[k - first];
-      take_away(pair.result, exchange, counts);
-      ++counts.pairs_by_method[static_cast<std::size_t>(exchange.method)];
-      *unsettled[k].value = exchange.value;
-      if (unsettled[k].mirror != nullptr) *unsettled[k].mirror = exchange.value;
-      for (const int e : {pair.i, pair.j}) {
-        const double error = exchange.error_estimate / problem.elements.area_mm2[e];
-        row_errors.push_back({e, error * error});
-      }
+    if (!sampler.settle(tile, lines_per_spread, row_errors, counts)) {
+      std::erase_if(chunk.tiles, [&](const TileMatrix::Tile& each) { return each.value == tile.values; });
+      std::erase_if(chunk.values, [&](const std::vector<double>& values) { return values.data() == tile.values; });
     }
+    tile = {};
   }
 }
 
@@ -599,7 +474,6 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
   const auto start = std::chrono::steady_clock::now();
   const Eigen::Index n = elements.size();
   Assembly assembly;
-  assembly.error_estimate = Eigen::VectorXd::Zero(n);
   assembly.report.elements = n;
   assembly.report.pairs = n * (n - 1) / 2;
   if (n == 0) return assembly;
@@ -610,8 +484,9 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
 
   std::vector<TileMatrix::Chunk> chunks(tasks.size());
   std::vector<TransportReport> counts(tasks.size());
-  std::vector<std::vector<Descent::RowError>> row_errors(tasks.size());
-  std::vector<std::vector<UnsettledPair>> unsettled(tasks.size());
+  std::vector<std::vector<RowError>> row_errors(tasks.size());
+  std::vector<std::vector<SampledTile>> sampled(tasks.size());
+  std::vector<std::vector<RowSpread>> spread(tasks.size());
   std::atomic<std::size_t> done = 0;
   const Progress stop{.report = {}, .cancelled = progress.cancelled};
   tbb::parallel_for(std::size_t{0}, tasks.size(), [&](std::size_t t) {
@@ -620,22 +495,33 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
     chunks[t] = std::move(descent.chunk);
     counts[t] = descent.counts;
     row_errors[t] = std::move(descent.row_errors);
-    unsettled[t] = std::move(descent.unsettled);
+    sampled[t] = std::move(descent.sampled);
+    spread[t] = std::move(descent.spread);
     progress.update("form factors", static_cast<double>(++done) / static_cast<double>(tasks.size()));
   });
+  std::vector<RowError> of_rows(static_cast<std::size_t>(n));
   const auto collect_errors = [&] {
-    for (std::vector<Descent::RowError>& list : row_errors) {
-      for (const auto& [element, squared] : list) assembly.error_estimate[element] += squared;
+    for (std::vector<RowError>& list : row_errors) {
+      for (const RowError& error : list) of_rows[static_cast<std::size_t>(error.element)] += error;
       list.clear();
     }
   };
   collect_errors();
-  // The estimates are standard deviations; half of the squared tolerance keeps nearly all rows within it.
-  const double allowed = 0.5 * params.tolerance * params.tolerance;
-  share_budget(elements, (allowed - assembly.error_estimate.array()).max(0.25 * allowed).matrix(), unsettled);
+  // n lines leave σ / √n of a pair: for a given Σ σ² / n of a row Σ n is least where n is proportional to σ.
+  Eigen::VectorXd lines_per_spread = Eigen::VectorXd::Zero(n);
+  for (const std::vector<RowSpread>& list : spread) {
+    for (const auto& [element, sum] : list) lines_per_spread[element] += sum;
+  }
+  for (Eigen::Index e = 0; e < n; ++e) {
+    const RowError& rules = of_rows[static_cast<std::size_t>(e)];
+    const double allowed =
+        std::max(kLeastForLines * params.tolerance, kPlanned * params.tolerance - rules.bound) / problem.deviations;
+    lines_per_spread[e] *=
+        kOfLattice / (elements.area_mm2[e] * std::max(0.25 * allowed * allowed, allowed * allowed - rules.variance));
+  }
   done = 0;
   tbb::parallel_for(std::size_t{0}, tasks.size(), [&](std::size_t t) {
-    if (!unsettled[t].empty()) settle(problem, stop, unsettled[t], counts[t], row_errors[t]);
+    if (!sampled[t].empty()) settle(problem, stop, lines_per_spread, sampled[t], chunks[t], counts[t], row_errors[t]);
     progress.update("shadows", static_cast<double>(++done) / static_cast<double>(tasks.size()));
   });
   collect_errors();
@@ -646,7 +532,9 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
     for (std::size_t m = 0; m < count.pairs_by_method.size(); ++m)
       assembly.report.pairs_by_method[m] += count.pairs_by_method[m];
   }
-  assembly.error_estimate = assembly.error_estimate.cwiseSqrt();
+  assembly.error_estimate.resize(n);
+  for (Eigen::Index e = 0; e < n; ++e)
+    assembly.error_estimate[e] = of_rows[static_cast<std::size_t>(e)].estimate(problem.deviations);
   assembly.exchange = TileMatrix(problem.tree.order(), std::move(problem.tile_first), std::move(chunks));
   assembly.report.seconds_factors = seconds_since(factors_start);
   return assembly;

@@ -12,7 +12,7 @@ namespace interglow::radiosity {
 struct Assembly {
   TileMatrix exchange;             ///< A_i F_ij [mm²]
   TransportReport report;          ///< counts, methods, times; sums are left to the caller
-  Eigen::VectorXd error_estimate;  ///< of each element's row of form factors
+  Eigen::VectorXd error_estimate;  ///< of each element's row of form factors (TransportReport::error_estimate_max)
 };
 
 /// Descends the tree of element clusters against itself. A pair of clusters is dropped as a whole when no member can
