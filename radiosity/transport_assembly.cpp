@@ -44,7 +44,7 @@ constexpr int kManyLines = 4096;
 /// Of what a row may be wrong by: the rest is for chance in the spread of lines, which the pilots only guess.
 constexpr double kPlanned = 0.9;
 /// Variance of a lattice's lines over that which pilots expect of independent ones, about.
-constexpr double kOfLattice = 0.12;
+constexpr double kOfLattice = 0.25;
 /// However much the rules may be wrong by, this share of the tolerance is left to lines.
 constexpr double kLeastForLines = 0.25;
 
