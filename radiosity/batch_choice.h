@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The choice of a rule for each pair, included once for each instruction set (batch_kernel_source.h).
+#pragma once
+
+#include "radiosity/batch_edges.h"
 #include "radiosity/batch_shapes.h"
 
 namespace interglow::radiosity::batch {
@@ -33,7 +36,7 @@ constexpr double gauss_error(int points) {  // of x^2m by m points on [-1, 1], o
   return error;
 }
 
-constexpr int kLoosePoints = 6;         ///< up to 6 points it does not pay to sharpen the bound
+constexpr int kLoosePoints = 12;        ///< up to as many it does not pay to sharpen the bound
 constexpr double kHopefulShare = 0.3;   ///< of a far bound, that sharper distances and directions may leave
 constexpr double kEdgeRoundings = 4.0;  ///< of the squared distances that may gather in their mean logarithm
 
@@ -140,16 +143,16 @@ struct EdgeDistances {
 /// one patch less that of the other.
 struct CentreBounds {
   Real by_centres, by_moments;
-  CentreBounds(const CentreLine& line, Real distance, Real radii, Real area, Real second, Real fourth, Real third) {
-    const Real gap = distance - radii;
-    const Real inverse_fourth = line.inverse_square * line.inverse_square;
-    const Real tail = area * (1 / kPi) * line.inverse_square / (gap * gap);
-    const Real rounding = area * (1 / kPi) * kEpsilon * inverse_fourth *
-                          (8.0 * (line.height_a + line.height_b) +
-                           32.0 * line.height_a * line.height_b * (1.0 + distance * line.inverse_square));
+  CentreBounds(const CentreLine& line, Real distance, Real inverse_gap, Real area, Real second, Real fourth,
+               Real third) {
+    const Real inverse = line.inverse_square, inverse_fourth = inverse * inverse;
+    const Real tail = area * (1 / kPi) * inverse * square_of(inverse_gap);
+    const Real rounding =
+        area * (1 / kPi) * kEpsilon * inverse_fourth *
+        (8.0 * (line.height_a + line.height_b) + 32.0 * line.height_a * line.height_b * (1.0 + distance * inverse));
     by_centres = 3.0 * second * tail + rounding;
     by_moments =
-        5.0 * fourth * tail * line.inverse_square + 4 / kPi * area * third * inverse_fourth / distance + rounding;
+        5.0 * fourth * tail * inverse + 4 / kPi * area * third * inverse_fourth * distance * inverse + rounding;
   }
 };
 
@@ -161,7 +164,8 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
     const Centre a(first_lanes), b(second_lanes);
     const Sizes sizes_a(first_lanes), sizes_b(second_lanes);
     const Shape shape_a(first_lanes), shape_b(second_lanes);
-    const CentreLine line(a, b);
+    CentreLine line(a, b);
+    line.divide(a, b, 1.0 / max(line.square, splat(1e-280)));
     const Real distance = square_root(line.square), radii = shape_a.radius + shape_b.radius;
     const Real area = a.area * b.area, limit = tolerance * min(a.area, b.area);
     const Real reach = distance + radii;
@@ -179,11 +183,11 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
     const Mask in_front =
         (over_b.low >= -open_b) & (over_a.low >= -open_a) & (over_b.high > open_b) & (over_a.high > open_a);
     // Distances of points by the heights over either plane and along the line of centres; the largest holds.
-    const Vector way = (1.0 / max(distance, splat(1e-100))) * line.between;
+    const Vector way = (distance * line.inverse_square) * line.between;
     const Extent along_a(shape_a, way, splat(0), a.centre, regular_a, general_a),
         along_b(shape_b, way, distance, b.centre, regular_b, general_b);
     const Real gap = max(along_b.low - along_a.high, max(over_a.low, over_b.low));
-    const CentreBounds centre_bounds(line, distance, radii, area, sizes_a.second + sizes_b.second,
+    const CentreBounds centre_bounds(line, distance, 1.0 / (distance - radii), area, sizes_a.second + sizes_b.second,
                                      (sizes_a.fourth + sizes_b.fourth) + 6.0 * (sizes_a.second * sizes_b.second),
                                      shape_a.third + shape_b.third);
     const Mask apart = in_front & (distance > radii);
@@ -197,8 +201,8 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
                  distance_b = max(max(along_b.middle_low - along_a.high, gap), max(over_b.low, over_a.middle_low));
       EdgeBounds bounds;
       bounds.distance = max(min(distance_a, distance_b), splat(0));
-      const Real inverse_a = 1.0 / sizes_a.half_edge, inverse_b = 1.0 / sizes_b.half_edge;
-      bounds.ratio = square_of(max(min(distance_a * inverse_a, distance_b * inverse_b), splat(0)));
+      bounds.ratio =
+          square_of(max(min(distance_a * shape_a.inverse_half_edge, distance_b * shape_b.inverse_half_edge), splat(0)));
       bounds.near_ratio = bounds.ratio;
       bounds.parallelograms = regular_a & regular_b;
       const Real cosines = (magnitude(dot(shape_a.e1, shape_b.e1)) + magnitude(dot(shape_a.e1, shape_b.e2))) +
@@ -253,14 +257,16 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
 /// Of m = 2, 4, 6 points on every edge of two parallelograms the least whose bound coefficient q^m ((2m + 1) e + q / (1
 /// - q)) / D² meets `limit` with D = `least`, as kEdges + m, and the bound. kUnsettled where none does, and where fewer
 /// points might do with D up to `most`.
-inline void choose_far_edges(Real coefficient, Real half_edge, Real least, Real most, Real limit, Real& choice,
-                             Real& bound) {
-  const Real q = square_of(half_edge / least), hopeful_q = square_of(half_edge / most);
-  const Real tail = q / (1.0 - q);
+/// @param inverse_least, inverse_most  of these distances
+inline void choose_far_edges(Real coefficient, Real half_edge, Real inverse_least, Real inverse_most, Real limit,
+                             Real& choice, Real& bound) {
+  const Real q = square_of(half_edge * inverse_least), hopeful_q = square_of(half_edge * inverse_most);
+  const Real tail = (4.0 / 3) * q;  // of q / (1 - q), for q < 1/4
   choice = splat(kUnsettled);
   bound = splat(0);
-  Mask open = (least > 0) & (q < 0.25);
-  Real power = coefficient / square_of(least), hopeful_power = kHopefulShare * coefficient / square_of(most);
+  Mask open = (inverse_least > 0) & (q < 0.25);
+  Real power = coefficient * square_of(inverse_least),
+       hopeful_power = kHopefulShare * coefficient * square_of(inverse_most);
   for (int half = 1; half <= 3; ++half) {
     const double e = (4 * half + 1) * kGaussError[half];
     power *= q * q;
@@ -275,21 +281,22 @@ inline void choose_far_edges(Real coefficient, Real half_edge, Real least, Real 
 }
 
 void settle(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
-            std::int32_t* choices, double* bounds, double* exchange) {
+            const EdgeRule* edge_rules, std::int32_t* choices, double* bounds, double* exchange) {
   for (int start = 0; start < count; start += kLanes) {
     const int lanes_used = count - start < kLanes ? count - start : kLanes;
     const Lanes first_lanes(first + start, lanes_used), second_lanes(second + start, lanes_used);
     const Centre a(first_lanes), b(second_lanes);
-    const CentreLine line(a, b);
-    const Real distance = square_root(line.square), radii = a.ball + b.ball;
+    CentreLine line(a, b);
+    const Real distance = square_root(line.square), radii = a.ball + b.ball, gap = distance - radii;
+    const Real inverse_both = 1.0 / (line.square * gap), inverse_gap = line.square * inverse_both;
+    line.divide(a, b, gap * inverse_both);
     const Real area = a.area * b.area, least_area = min(a.area, b.area), limit = tolerance * least_area;
     const Mask hidden = (line.height_a + a.ball < -kOpen) | (line.height_b + b.ball < -kOpen) | (area <= 0);
     const Mask clear = (line.height_a - a.ball > kOpen) & (line.height_b - b.ball > kOpen) & (distance > radii);
     // No convex patch has a larger mean |x - centre|² than a disk. 160 / r³ for the heights, at most r, that round.
-    const Real gap = distance - radii;
     const Real inverse_fourth = line.inverse_square * line.inverse_square;
     Real bound = (1 / kPi) * area *
-                 (1.5 * (square_of(a.ball) + square_of(b.ball)) * line.inverse_square / square_of(gap) +
+                 (1.5 * (square_of(a.ball) + square_of(b.ball)) * line.inverse_square * square_of(inverse_gap) +
                   160 * kEpsilon * distance * inverse_fourth);
     Real value = line.exchange;
     Real choice = hidden ? splat(kNothing) : (clear & (bound <= limit) ? splat(kSettled) : splat(kUnsettled));
@@ -297,21 +304,21 @@ void settle(const PatchRecord* const* first, const PatchRecord* const* second, i
     if (any(open)) {
       const Sizes sizes_a(first_lanes), sizes_b(second_lanes);
       const Mask parallelograms = sizes_a.parallelogram + sizes_b.parallelogram == splat(2);
-      const CentreBounds sharper(line, distance, radii, area, sizes_a.second + sizes_b.second,
+      const CentreBounds sharper(line, distance, inverse_gap, area, sizes_a.second + sizes_b.second,
                                  (sizes_a.fourth + sizes_b.fourth) + 6.0 * (sizes_a.second * sizes_b.second), splat(0));
       const Mask centres = open & (sharper.by_centres <= limit);
       const Mask moments = open & parallelograms & (sharper.by_moments <= limit) & ~centres;
       const Mask asked = open & parallelograms & ~centres & ~moments;
       if (any(asked)) {
         const Real rounding = kEdgeRoundings * kEpsilon / (2 * kPi) * (sizes_a.perimeter * sizes_b.perimeter) *
-                                  square_of((distance + radii) / gap) +
+                                  square_of((distance + radii) * inverse_gap) +
                               sizes_a.skew + sizes_b.skew;
         Real by_edges, edge_bound;
         const Real turned =
             (2 / kPi) * (0.5 + 0.25 * square_of(dot(a.normal, b.normal))) * (sizes_a.sides * sizes_b.sides);
         choose_far_edges(2.0 * turned, max(sizes_a.half_edge, sizes_b.half_edge),
-                         distance - max(sizes_a.middle_radius + b.ball, sizes_b.middle_radius + a.ball), distance,
-                         limit - rounding, by_edges, edge_bound);
+                         1.0 / (distance - max(sizes_a.middle_radius + b.ball, sizes_b.middle_radius + a.ball)),
+                         distance * line.inverse_square, limit - rounding, by_edges, edge_bound);
         choice = asked ? by_edges : choice;
         bound = asked ? edge_bound + rounding : bound;
       }
@@ -323,7 +330,18 @@ void settle(const PatchRecord* const* first, const PatchRecord* const* second, i
       choice = centres ? splat(kSettled) : choice;
       bound = centres ? sharper.by_centres : bound;
     }
-    value = min(max(value, splat(0)), least_area);
+    // A vector of pairs that all take the same points need not be sorted.
+    const Mask on_edges = choice > splat(kEdges);
+    if (any(on_edges)) {
+      double points = 0;
+      for (int lane = 0; lane < kLanes; ++lane) points = choice[lane] > points ? choice[lane] : points;
+      if (!any(on_edges & (choice < points))) {
+        const EdgeRule& rule = edge_rules[(static_cast<int>(points) - kEdges) / 2];
+        value = on_edges ? edges_of_parallelograms(first_lanes, second_lanes, rule) : value;
+        choice = on_edges ? splat(kSettledByEdges) : choice;
+      }
+    }
+    value = choice <= splat(kSettledByEdges) ? min(max(value, splat(0)), least_area) : least_area;
     store(choices + start, choice, lanes_used);
     store(bounds + start, bound, lanes_used);
     store(exchange + start, value, lanes_used);

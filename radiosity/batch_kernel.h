@@ -30,7 +30,8 @@ struct alignas(64) PatchRecord {
   double radius;            ///< farthest corner from the centre
   double deviation, lever;  ///< distance within which a point at distance r counts as on the plane: deviation + lever r
   double third;             ///< bound on mean |x - centre|³; 0 where odd moments vanish by symmetry
-  double triangle;          ///< 1 for a triangle's nodes, 0 for a quad's
+  double inverse_half_edge;
+  double triangle;                ///< 1 for a triangle's nodes, 0 for a quad's
   double moment1[3], moment2[3];  ///< p, q with mean (x - centre)(x - centre)ᵀ = p pᵀ + q qᵀ
   double origin[3], e1[3], e2[3], e3[3];
   double density[3];  ///< |∂x/∂u × ∂x/∂v| / area = density[0] + density[1] u + density[2] v; (1, 0, 0) for a triangle's
@@ -53,9 +54,10 @@ struct EdgeRule {
 /// What to do with a pair. kEdges + 2n: the contour integral by 2n points on each edge of two parallelograms; kEdges +
 /// 2n + 1: of other patches.
 enum Choice : std::int32_t {
-  kNothing,    ///< the value is 0
-  kSettled,    ///< the value is there
-  kUnsettled,  ///< `classify` is to be asked
+  kNothing,         ///< the value is 0
+  kSettled,         ///< the value is there
+  kSettledByEdges,  ///< the same, from points on edges
+  kUnsettled,       ///< `classify` is to be asked
   kContour,
   kCentres,
   kMoments,
@@ -70,9 +72,11 @@ constexpr double kOpen = 1e-9;
 struct Kernels {
   const char* name;
   /// For each pair the cheapest choice whose error bound meets `tolerance`, and the bound, an absolute exchange area,
-  /// where that can be told from balls around the patches; else kUnsettled. For kSettled the value.
+  /// where that can be told from balls around the patches; else kUnsettled. For kSettled the value, else the smaller
+  /// area.
+  /// @param edge_rules  by half of their points
   void (*settle)(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
-                 std::int32_t* choice, double* bound, double* exchange);
+                 const EdgeRule* edge_rules, std::int32_t* choice, double* bound, double* exchange);
   /// The same from the patches' shapes, without values and never kUnsettled.
   void (*classify)(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
                    std::int32_t* choice, double* bound);

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Patches of a vector of pairs: what the choice and the rules are made from, included once for each instruction set
 // (batch_kernel_source.h).
+#pragma once
+
 #include "radiosity/batch_vectors.h"
 
 namespace interglow::radiosity::batch {
@@ -49,9 +51,13 @@ struct CentreLine {
       : between(b.centre - a.centre),
         height_a(-dot(b.normal, between)),
         height_b(dot(a.normal, between)),
-        square(dot(between, between)),
-        inverse_square(1.0 / max(square, splat(1e-280))),
-        exchange(a.area * b.area * height_a * height_b * inverse_square * inverse_square * (1 / kPi)) {}
+        square(dot(between, between)) {}
+
+  /// @param inverse  1 / square
+  void divide(const Centre& a, const Centre& b, Real inverse) {
+    inverse_square = inverse;
+    exchange = a.area * b.area * height_a * height_b * inverse * inverse * (1 / kPi);
+  }
 
   Real with_moments(const Centre& a, const Centre& b, const Moments& of_first, const Moments& of_second) const {
     // K of second order times h: finite where h is small.
@@ -71,12 +77,13 @@ struct CentreLine {
 };
 
 struct Shape {
-  Real radius, deviation, lever, third;
+  Real radius, deviation, lever, third, inverse_half_edge;
   Vector origin, e1, e2, e3;
   explicit Shape(const Lanes& lanes) {
-    Real field[4];
+    Real field[5];
     lanes.load(offsetof(PatchRecord, radius), field);
     radius = field[0], deviation = field[1], lever = field[2], third = field[3];
+    inverse_half_edge = field[4];
     Real vectors[12];
     lanes.load(offsetof(PatchRecord, origin), vectors);
     origin = {vectors[0], vectors[1], vectors[2]};

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Vectors of doubles, records by lanes, logarithms, included once for each instruction set (batch_kernel_source.h).
+#pragma once
+
 #include "radiosity/batch_kernel.h"
 
 namespace interglow::radiosity::batch {

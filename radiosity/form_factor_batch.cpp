@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -93,9 +94,12 @@ const ProductRule& product_rule(int m) {
   return rules[m];
 }
 
-const EdgeRule& edge_rule(int points) {
-  static const std::array<EdgeRule, kMaxEdgePoints / 2 + 1> rules = [] {
-    std::array<EdgeRule, kMaxEdgePoints / 2 + 1> made{};
+using EdgeRules = std::array<EdgeRule, kMaxEdgePoints / 2 + 1>;
+
+/// By half of their points.
+const EdgeRules& edge_rules() {
+  static const EdgeRules rules = [] {
+    EdgeRules made{};
     for (int half = 1; half <= kMaxEdgePoints / 2; ++half) {
       const detail::GaussRule& gauss = detail::gauss_legendre(2 * half);  // the positive nodes come first
       made[half].half = half;
@@ -106,7 +110,7 @@ const EdgeRule& edge_rule(int points) {
     }
     return made;
   }();
-  return rules[points / 2];
+  return rules;
 }
 
 void store(double (&to)[3], const Vector3d& from) {
@@ -199,6 +203,7 @@ PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double
     longest_edge = std::max(longest_edge, edge);
   }
   record.half_edge = longest_edge / 2;
+  record.inverse_half_edge = 2 / longest_edge;
   record.skew = triangle ? 0 : e3.norm() * longest_edge;
   set_moments(record);
   record.sides = std::sqrt(e1.norm() * e2.norm() * (e1.norm() * e2.norm() + std::abs(e1.dot(e2))));
@@ -264,14 +269,17 @@ void FormFactorBatch::exchange_areas(std::uint32_t one, std::span<const std::uin
       first[k] = &records_[std::min(one, other)];
       second[k] = &records_[std::max(one, other)];
     }
-    kernels_->settle(first.data(), second.data(), count, tolerance, choice.data(), bound.data(), exchange.data());
+    kernels_->settle(first.data(), second.data(), count, tolerance, edge_rules().data(), choice.data(), bound.data(),
+                     exchange.data());
     FormFactor* const found = results.data() + start;
     // Without branches: which pairs are settled cannot be foreseen.
     int left = 0, unsettled = 0;
     for (int k = 0; k < count; ++k) {
-      found[k] = {exchange[k] * square_unit, bound[k] * square_unit, FormFactorMethod::kFarQuadrature};
+      found[k] = {
+          exchange[k] * square_unit, bound[k] * square_unit,
+          choice[k] == batch::kSettledByEdges ? FormFactorMethod::kEdgeQuadrature : FormFactorMethod::kFarQuadrature};
       rest[left] = place[unsettled] = k;
-      left += choice[k] != batch::kSettled ? 1 : 0;
+      left += choice[k] != batch::kSettled && choice[k] != batch::kSettledByEdges ? 1 : 0;
       unsettled += choice[k] == batch::kUnsettled ? 1 : 0;
     }
     if (left == 0) continue;
@@ -287,49 +295,53 @@ void FormFactorBatch::exchange_areas(std::uint32_t one, std::span<const std::uin
         bound[place[i]] = packed[i];
       }
     }
-    // Sorted by choice: all pairs of a vector take the same rule.
-    std::array<int, batch::kChoices + 1> begin{}, next;
-    for (int i = 0; i < left; ++i) ++begin[choice[rest[i]] + 1];
-    for (int c = 0; c < batch::kChoices; ++c) begin[c + 1] += begin[c];
-    next = begin;
-    for (int i = 0; i < left; ++i) {
-      const int k = rest[i], to = next[choice[k]]++;
-      place[to] = k;
-      packed_first[to] = first[k];
-      packed_second[to] = second[k];
-    }
-    for (int c = 0; c < batch::kChoices; ++c) {
-      const int from = begin[c], members = begin[c + 1] - from;
-      if (members == 0) continue;
-      const PatchRecord* const* one_side = packed_first.data() + from;
-      const PatchRecord* const* other_side = packed_second.data() + from;
-      double* const values = packed.data() + from;
-      FormFactorMethod method = FormFactorMethod::kFarQuadrature;
-      if (c == batch::kNothing) {
-        for (int i = from; i < begin[c + 1]; ++i) found[place[i]] = {};
+    // One choice after the other: all pairs of a vector take the same rule.
+    static_assert(batch::kChoices <= 64);
+    std::uint64_t present = 0;
+    for (int i = 0; i < left; ++i) present |= std::uint64_t{1} << choice[rest[i]];
+    for (; present != 0; present &= present - 1) {
+      const int chosen = std::countr_zero(present);
+      int members = 0;
+      for (int i = 0; i < left; ++i) {
+        place[members] = rest[i];
+        members += choice[rest[i]] == chosen ? 1 : 0;
+      }
+      if (chosen == batch::kNothing) {
+        for (int i = 0; i < members; ++i) found[place[i]] = {};
         continue;
       }
-      if (c == batch::kContour) {
-        for (int i = from; i < begin[c + 1]; ++i) {
+      if (chosen == batch::kContour) {
+        for (int i = 0; i < members; ++i) {
           const std::uint32_t other = others[start + place[i]];
-          const double least_area = std::min(packed_first[i]->area, packed_second[i]->area) * square_unit;
-          found[place[i]] =
-              exchange_area(polygons_[std::min(one, other)], polygons_[std::max(one, other)], tolerance * least_area);
+          const double wanted = tolerance * std::min(first[place[i]]->area, second[place[i]]->area) * square_unit;
+          found[place[i]] = exchange_area(polygons_[std::min(one, other)], polygons_[std::max(one, other)], wanted);
         }
         continue;
       }
-      if (c == batch::kCentres || c == batch::kMoments) {
-        kernels_->centres(one_side, other_side, members, c == batch::kMoments, values);
-      } else if (c == batch::kCut) {
-        kernels_->product(one_side, other_side, members, product_rule(2), values);
+      const PatchRecord* const* one_side = first.data();
+      const PatchRecord* const* other_side = second.data();
+      if (members < count) {
+        for (int i = 0; i < members; ++i) {
+          packed_first[i] = first[place[i]];
+          packed_second[i] = second[place[i]];
+        }
+        one_side = packed_first.data();
+        other_side = packed_second.data();
+      }
+      FormFactorMethod method = FormFactorMethod::kFarQuadrature;
+      if (chosen == batch::kCentres || chosen == batch::kMoments) {
+        kernels_->centres(one_side, other_side, members, chosen == batch::kMoments, packed.data());
+      } else if (chosen == batch::kCut) {
+        kernels_->product(one_side, other_side, members, product_rule(2), packed.data());
       } else {
-        const int points = c - batch::kEdges;
-        kernels_->edges(one_side, other_side, members, edge_rule(points), points % 2 == 0, values);
+        const int points = chosen - batch::kEdges;
+        kernels_->edges(one_side, other_side, members, edge_rules()[points / 2], points % 2 == 0, packed.data());
         method = FormFactorMethod::kEdgeQuadrature;
       }
-      for (int i = from; i < begin[c + 1]; ++i) {
-        const double value = std::clamp(packed[i], 0.0, std::min(packed_first[i]->area, packed_second[i]->area));
-        found[place[i]] = {value * square_unit, bound[place[i]] * square_unit, method};
+      for (int i = 0; i < members; ++i) {
+        const int k = place[i];
+        const double value = std::clamp(packed[i], 0.0, exchange[k]);
+        found[k] = {value * square_unit, bound[k] * square_unit, method};
       }
     }
   }
@@ -359,7 +371,7 @@ void FormFactorBatch::exchange_areas_by_rule(std::uint32_t one, std::span<const 
       bool parallelograms = true;
       for (int k = 0; k < count; ++k)
         parallelograms = parallelograms && first[k]->parallelogram > 0 && second[k]->parallelogram > 0;
-      kernels_->edges(first.data(), second.data(), count, edge_rule(rule.points), parallelograms, found);
+      kernels_->edges(first.data(), second.data(), count, edge_rules()[rule.points / 2], parallelograms, found);
     }
     for (int k = 0; k < count; ++k) results[start + k] *= unit_ * unit_;
   }
