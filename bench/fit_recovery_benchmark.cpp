@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <ctime>
+#include <string>
 
 #include "tests/fitting/fit_recovery.h"
 
@@ -16,11 +17,13 @@ int main(int argc, char** argv) {
   base.scene.bands = 8;
   base.paths = 4096;
   int seeds = 1;
+  std::string only;
   CLI::App app("Fits of the half cylinders and the arch, 20 faces around, to captures traced on 256.");
   app.add_option("--side", base.scene.side_px, "pixels of a side")->capture_default_str();
   app.add_option("--bands", base.scene.bands, "bands")->capture_default_str();
   app.add_option("--around", base.scene.around, "faces around a half cylinder in the fit")->capture_default_str();
   app.add_option("--paths", base.paths, "paths of each pixel of the capture")->capture_default_str();
+  app.add_option("--only", only, "captures whose name, or whose scene's, holds this text");
   app.add_option("--seeds", seeds, "captures of each kind")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   base.scene.along = base.scene.around / 2;
@@ -41,6 +44,8 @@ int main(int argc, char** argv) {
                              {"spoilt", true, ReflectanceError::kNone, 5.0},
                              {"spoilt, reflectances +-2 %", true, ReflectanceError::kScale, 5.0},
                              {"spoilt, reflectances +0.02", true, ReflectanceError::kOffset, 5.0}}) {
+      const std::string name = std::string(arch ? "arch on plane, " : "half cylinders, ") + kind.name;
+      if (name.find(only) == std::string::npos) continue;
       for (int seed = 1; seed <= seeds; ++seed) {
         RecoveryParams params = base;
         params.arch = arch;

@@ -29,16 +29,18 @@ struct Options {
 };
 
 const std::map<std::string, bool fitting::FitParams::*>& groups() {
-  static const std::map<std::string, bool fitting::FitParams::*> all{{"light", &fitting::FitParams::light},
-                                                                     {"pose", &fitting::FitParams::pose},
-                                                                     {"focal", &fitting::FitParams::focal},
-                                                                     {"principal", &fitting::FitParams::principal},
-                                                                     {"distortion", &fitting::FitParams::distortion},
-                                                                     {"blur", &fitting::FitParams::blur},
-                                                                     {"w", &fitting::FitParams::w},
-                                                                     {"reflectance", &fitting::FitParams::reflectance},
-                                                                     {"gain", &fitting::FitParams::gain},
-                                                                     {"offset", &fitting::FitParams::offset}};
+  static const std::map<std::string, bool fitting::FitParams::*> all{
+      {"light", &fitting::FitParams::light},
+      {"pose", &fitting::FitParams::pose},
+      {"focal", &fitting::FitParams::focal},
+      {"principal", &fitting::FitParams::principal},
+      {"distortion", &fitting::FitParams::distortion},
+      {"blur", &fitting::FitParams::blur},
+      {"w", &fitting::FitParams::w},
+      {"reflectance", &fitting::FitParams::reflectance},
+      {"reflectance-offset", &fitting::FitParams::reflectance_offset},
+      {"gain", &fitting::FitParams::gain},
+      {"offset", &fitting::FitParams::offset}};
   return all;
 }
 
@@ -51,7 +53,7 @@ void set_groups(const std::vector<std::string>& names, bool free, fitting::FitPa
       const auto near = nearest_word(name, known);
       throw InvalidParams(
           fmt::format("{} {}: expected light, pose, focal, principal, distortion, blur, w, reflectance, "
-                      "gain or offset{}.",
+                      "reflectance-offset, gain or offset{}.",
                       free ? "--free" : "--fix", name, near ? "; did you mean " + *near + "?" : ""));
     }
     params.*(found->second) = free;
@@ -113,6 +115,7 @@ int fit(const Options& options, const Session& session) {
   input.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 
   std::filesystem::create_directories(options.out);
+  write_fitted_materials(model, found.state, options.out);
   const std::string scene_text = fitted_scene_text(description, model, found.state, options.out);
   const report::Json document =
       fit_report(model, capture, start, found, params, uncertainty, attribution, fitted, input);
@@ -144,14 +147,20 @@ void add_fit_command(CLI::App& app, Session& session, std::function<int()>& acti
   command->add_option("--out", options->out, "Folder for scene.toml, report.html, report.json and pictures")
       ->required();
   command
-      ->add_option("--free", options->free,
-                   "Also fit: principal, distortion, reflectance (default: light, pose, focal, blur, w, gain, offset)")
+      ->add_option(
+          "--free", options->free,
+          "Also fit: principal, distortion, reflectance (a factor on each material), reflectance-offset (added to "
+          "its reflectance in all bands); default: light, pose, focal, blur, w, gain, offset")
       ->delimiter(',');
   command->add_option("--fix", options->fix, "Hold any of these")->delimiter(',');
   command
       ->add_option("--reflectance-sigma", options->params.reflectance_sigma,
                    "Standard deviation of the prior on reflectance scales")
       ->default_val(defaults.reflectance_sigma);
+  command
+      ->add_option("--reflectance-offset-sigma", options->params.reflectance_offset_sigma,
+                   "Standard deviation of the prior on reflectance offsets")
+      ->default_val(defaults.reflectance_offset_sigma);
   command->add_option("--model-sigma", options->params.model_sigma, "Relative error of the model, added to the noise")
       ->default_val(defaults.model_sigma);
   command->add_flag("!--near", options->params.staged, "The start is near: skip silhouettes and small pictures");

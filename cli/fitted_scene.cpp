@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "diagnostics/error.h"
+#include "spectral/spectrum_file.h"
 
 namespace interglow::cli {
 namespace {
@@ -35,6 +36,32 @@ std::string with_paths(const std::string& line, const std::filesystem::path& fro
 }
 
 }  // namespace
+
+void write_fitted_materials(const fitting::ForwardModel& model, const fitting::FitState& state,
+                            const std::filesystem::path& folder) {
+  const scene::Scene& scene = model.scene();
+  const Eigen::VectorXd& nm = scene.grid.centers_nm();
+  for (std::size_t m = 0; m < scene.materials.size(); ++m) {
+    const double raise = state.raise[static_cast<Eigen::Index>(m)];
+    if (raise == 0.0) continue;
+    const spectral::DonaldsonMatrix& measured = scene.materials[m].donaldson;
+    const double scale = state.scale[static_cast<Eigen::Index>(m)];
+    const Eigen::VectorXd reflectance = (scale * measured.reflectance.array() + raise).cwiseMax(0.0).cwiseMin(1.0);
+    std::vector<spectral::NamedValues> columns;
+    if (measured.luminesces()) {
+      Eigen::MatrixXd matrix = scale * measured.luminescence;
+      matrix.diagonal() += reflectance;
+      for (Eigen::Index band = 0; band < nm.size(); ++band)
+        columns.push_back({fmt::format("ex{:.10g}", nm[band]), matrix.col(band)});
+    } else {
+      columns.push_back({"reflectance", reflectance});
+    }
+    spectral::write_spectra_csv(
+        folder / (scene.materials[m].name + ".csv"), nm, columns,
+        {fmt::format("Fitted by interglow: the given spectrum times {:.6g}, its reflectance {:+.6g} in all bands.",
+                     scale, raise)});
+  }
+}
 
 std::string fitted_scene_text(const scene::SceneDescription& description, const fitting::ForwardModel& model,
                               const fitting::FitState& state, const std::filesystem::path& folder) {
@@ -70,7 +97,21 @@ std::string fitted_scene_text(const scene::SceneDescription& description, const 
       }
       for (std::size_t m = 0; m < scene.materials.size(); ++m) {
         const double scale = state.scale[static_cast<Eigen::Index>(m)];
-        if (section != "material." + scene.materials[m].name || scale == 1.0) continue;
+        if (section != "material." + scene.materials[m].name) continue;
+        if (state.raise[static_cast<Eigen::Index>(m)] != 0.0) {
+          const std::string table = scene.materials[m].name + ".csv";
+          if (scene.materials[m].donaldson.luminesces()) {
+            out << fmt::format(
+                "donaldson = \"{}\"\ndonaldson_rows = \"emission\"\nkeep_anti_stokes = true\nkeep_noise = true\n",
+                table);
+          } else {
+            out << fmt::format("reflectance = \"{}\"\n", table);
+          }
+          replaced = {"reflectance",      "reflectance_column", "donaldson", "donaldson_rows",
+                      "keep_anti_stokes", "keep_noise",         "scale"};
+          continue;
+        }
+        if (scale == 1.0) continue;
         out << fmt::format("scale = {:.10g}\n", scale * description.materials[m].scale);
         replaced = {"scale"};
       }

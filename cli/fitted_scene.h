@@ -17,4 +17,10 @@ namespace interglow::cli {
 std::string fitted_scene_text(const scene::SceneDescription& description, const fitting::ForwardModel& model,
                               const fitting::FitState& state, const std::filesystem::path& folder);
 
+/// NAME.csv for every material with a fitted reflectance offset, which the scene file cannot say: its spectrum, or its
+/// Donaldson matrix, in the scene's bands. The text above names them, and is
+/// made after them.
+void write_fitted_materials(const fitting::ForwardModel& model, const fitting::FitState& state,
+                            const std::filesystem::path& folder);
+
 }  // namespace interglow::cli

@@ -123,6 +123,8 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
   for (std::size_t m = 0; m < model.scene().materials.size(); ++m) {
     add("reflectance of " + model.scene().materials[m].name, "2 % higher",
         0.02 * here.derivative[static_cast<std::size_t>(kFirstScale) + m]);
+    add("reflectance of " + model.scene().materials[m].name, "0.02 higher in all bands",
+        0.02 * here.derivative[static_cast<std::size_t>(kFirstScale) + model.scene().materials.size() + m]);
   }
   const Eigen::RowVectorXd mean = here.channels.colwise().mean();
   add("veil", "3 % of the light, spread over the picture", (-0.03 * here.channels).rowwise() + 0.03 * mean);

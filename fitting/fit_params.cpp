@@ -14,12 +14,21 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+namespace {
+
+bool is_scale(const FitState& state, int parameter) {
+  return parameter >= kFirstScale && parameter < kFirstScale + state.scale.size();
+}
+
+}  // namespace
+
 void validate(const FitParams& params) {
   const auto positive = [](double value, const char* name) {
     if (!(value > 0.0) || !std::isfinite(value))
       throw InvalidParams(fmt::format("{} is {}, expected a finite value above 0.", name, value));
   };
   positive(params.reflectance_sigma, "reflectance_sigma");
+  positive(params.reflectance_offset_sigma, "reflectance_offset_sigma");
   positive(params.principal_sigma_px, "principal_sigma_px");
   positive(params.distortion_sigma, "distortion_sigma");
   if (!(params.huber_sigmas >= 1.0))
@@ -42,11 +51,14 @@ std::vector<int> free_parameters(const scene::Scene& scene, const FitParams& par
   add(params.distortion, kDistortion, kDistortion);
   add(params.blur, kBlur, kBlur);
   add(params.w, kW, kW);
-  add(params.reflectance, kFirstScale, kFirstScale + static_cast<int>(scene.materials.size()) - 1);
+  const int materials = static_cast<int>(scene.materials.size());
+  add(params.reflectance, kFirstScale, kFirstScale + materials - 1);
+  add(params.reflectance_offset, kFirstScale + materials, kFirstScale + 2 * materials - 1);
   return free;
 }
 
-std::vector<Prior> priors(const LensCamera& like, const std::vector<int>& free, const FitParams& params) {
+std::vector<Prior> priors(const FitState& state, const LensCamera& like, const std::vector<int>& free,
+                          const FitParams& params) {
   std::vector<Prior> result;
   for (std::size_t k = 0; k < free.size(); ++k) {
     if (free[k] == kPrincipalX || free[k] == kPrincipalY) {
@@ -54,14 +66,16 @@ std::vector<Prior> priors(const LensCamera& like, const std::vector<int>& free, 
     } else if (free[k] == kDistortion) {
       result.push_back({k, 0.0, params.distortion_sigma});
     } else if (free[k] >= kFirstScale) {
-      result.push_back({k, 1.0, params.reflectance_sigma});
+      const bool scale = is_scale(state, free[k]);
+      result.push_back({k, scale ? 1.0 : 0.0, scale ? params.reflectance_sigma : params.reflectance_offset_sigma});
     }
   }
   return result;
 }
 
 double value_of(const FitState& state, int parameter) {
-  if (parameter >= kFirstScale) return state.scale[parameter - kFirstScale];
+  if (is_scale(state, parameter)) return state.scale[parameter - kFirstScale];
+  if (parameter >= kFirstScale) return state.raise[parameter - kFirstScale - state.scale.size()];
   switch (parameter) {
     case kShiftX:
     case kShiftY:
@@ -87,7 +101,7 @@ VectorXd plausible_ranges(const FitState& state, const std::vector<int>& free) {
   VectorXd ranges(static_cast<Index>(free.size()));
   for (std::size_t k = 0; k < free.size(); ++k) {
     const int parameter = free[k];
-    double range = 0.1;  // distortion, reflectance scales, logarithm of the focal length
+    double range = 0.1;  // distortion, reflectances, logarithm of the focal length
     if (parameter <= kTurnZ) range = std::numbers::pi / 18.0;
     if (parameter >= kShiftX && parameter <= kShiftZ) range = 0.1 * state.camera.pivot_in_camera.z();
     if (parameter == kPrincipalX || parameter == kPrincipalY) range = 0.05 * state.camera.width;
@@ -100,7 +114,7 @@ VectorXd plausible_ranges(const FitState& state, const std::vector<int>& free) {
 
 MatrixXd prior_rows(const FitState& state, const LensCamera& like, const std::vector<int>& free,
                     const FitParams& params) {
-  const std::vector<Prior> all = priors(like, free, params);
+  const std::vector<Prior> all = priors(state, like, free, params);
   MatrixXd rows = MatrixXd::Zero(static_cast<Index>(all.size()), static_cast<Index>(free.size()) + 1);
   for (std::size_t i = 0; i < all.size(); ++i) {
     const auto row = static_cast<Index>(i);

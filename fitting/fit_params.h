@@ -23,6 +23,10 @@ struct FitParams {
   bool offset = true;        ///< one a band
   /// Standard deviation of the prior on reflectance scales [1]; above 0.
   double reflectance_sigma = 0.02;
+  /// What is added to each material's reflectance in all bands, under the prior below.
+  bool reflectance_offset = false;
+  /// Standard deviation of the prior on reflectance offsets [1]; above 0.
+  double reflectance_offset_sigma = 0.02;
   double principal_sigma_px = 5.0;  ///< of the principal point about the start's; above 0
   double distortion_sigma = 0.1;    ///< of the radial term about 0; above 0
   /// Residuals beyond this many standard deviations count linearly (Huber). At least 1.
@@ -50,15 +54,18 @@ struct Prior {
   double sigma = 1.0;
 };
 
+/// @param state  tells how many materials there are
 /// @param like  the camera about whose principal point the prior stands
-std::vector<Prior> priors(const LensCamera& like, const std::vector<int>& free, const FitParams& params);
+std::vector<Prior> priors(const FitState& state, const LensCamera& like, const std::vector<int>& free,
+                          const FitParams& params);
 
 /// Value in a state of a parameter that is a number: all but light tilts and turns, which give 0. Focal length: its
 /// logarithm.
 double value_of(const FitState& state, int parameter);
 
 /// By how much a start may be off, in the parameters' units: light and turns 10 degrees, shifts 10 % of the distance,
-/// focal length 10 %, principal point 5 % of the width, blur 1 px, w 0.5, distortion and scales 0.1.
+/// focal length 10 %, principal point 5 % of the width, blur 1 px, w 0.5, distortion, scales and offsets of
+/// reflectances 0.1.
 Eigen::VectorXd plausible_ranges(const FitState& state, const std::vector<int>& free);
 
 /// Rows of the priors for least squares at a state: (free + 1) columns, the last is the right side.

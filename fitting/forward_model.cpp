@@ -98,7 +98,7 @@ void validate(const ForwardParams& params) {
   }
 }
 
-int shared_count(const scene::Scene& scene) { return kFirstScale + static_cast<int>(scene.materials.size()); }
+int shared_count(const scene::Scene& scene) { return kFirstScale + 2 * static_cast<int>(scene.materials.size()); }
 
 Eigen::Matrix<double, 3, 2> light_tangents(const Vector3d& direction) {
   // Along the world's y axis and across it where possible, so that names in reports read easily.
@@ -140,8 +140,12 @@ std::string parameter_name(const scene::Scene& scene, const FitState& state, int
       return "blur";
     case kW:
       return "w/w'";
-    default:
-      return "reflectance scale of " + scene.materials[static_cast<std::size_t>(parameter - kFirstScale)].name;
+    default: {
+      const auto material = static_cast<std::size_t>(parameter - kFirstScale);
+      const std::size_t count = scene.materials.size();
+      return material < count ? "reflectance scale of " + scene.materials[material].name
+                              : "reflectance offset of " + scene.materials[material - count].name;
+    }
   }
 }
 
@@ -159,7 +163,11 @@ FitState moved(const FitState& state, const VectorXd& step) {
   result.camera = state.camera.moved(step.segment<LensCamera::kParameters>(kTurnX));
   result.blur_px += step[kBlur];
   result.w += step[kW];
-  for (Index m = 0; m < result.scale.size(); ++m) result.scale[m] += step[kFirstScale + m];
+  const Index materials = result.scale.size();
+  for (Index m = 0; m < materials; ++m) {
+    result.scale[m] += step[kFirstScale + m];
+    result.raise[m] += step[kFirstScale + materials + m];
+  }
   return result;
 }
 
@@ -206,8 +214,10 @@ struct Lighting {
   Vector3d direction;
   double half_angle_rad = 0.0;
   VectorXd scale;
+  VectorXd raise;
   std::optional<int> bounces;
   LightView view;
+  VectorXd factor;      ///< irradiance factors of the elements
   RowMatrix radiosity;  ///< elements x modes; empty without bounces
 };
 
@@ -221,7 +231,6 @@ struct ForwardModel::Impl {
   radiosity::Transport transport;
   SpectralReduction spectra;
   IndirectSolve between;
-  RowMatrix palette;
   NodeGather gather;
   std::optional<Lighting> lit{};
   std::vector<int> group;  ///< material of each triangle's front, -1 black; backs have the same or none
@@ -238,10 +247,6 @@ struct ForwardModel::Impl {
         spectra(reduce_spectra(scene, scene.directional_lights.front().normal_irradiance, params.spectral_tolerance)),
         between(elements, transport, spectra),
         gather(surface, elements, visibility) {
-    const Index per_material = 1 + spectra.modes();
-    palette.resize(per_material * static_cast<Index>(scene.materials.size()), spectra.bands());
-    for (std::size_t m = 0; m < scene.materials.size(); ++m)
-      palette.middleRows(static_cast<Index>(m) * per_material, per_material) = spectra.palette[m];
     for (std::size_t t = 0; t < triangles.size(); ++t)
       group.push_back(scene.objects[static_cast<std::size_t>(triangles.faces.object[t])].material);
   }
@@ -259,14 +264,31 @@ struct ForwardModel::Impl {
     return factor;
   }
 
-  Index per_material() const { return 1 + spectra.modes(); }
+  /// Of each material, what leaves it per unit of direct irradiance factor, and per unit of each mode that arrives.
+  std::vector<Eigen::RowVectorXd> from_direct(const FitState& state) const {
+    std::vector<Eigen::RowVectorXd> result;
+    for (std::size_t m = 0; m < scene.materials.size(); ++m) {
+      const auto k = static_cast<Index>(m);
+      result.emplace_back(state.scale[k] * spectra.from_direct[m] + state.raise[k] * spectra.light);
+    }
+    return result;
+  }
+  std::vector<MatrixXd> from_indirect(const FitState& state) const {
+    std::vector<MatrixXd> result;
+    for (std::size_t m = 0; m < scene.materials.size(); ++m) {
+      const auto k = static_cast<Index>(m);
+      result.emplace_back(state.scale[k] * spectra.from_indirect[m]);
+      result.back().diagonal().array() += state.raise[k];
+    }
+    return result;
+  }
 
   /// Radiosity that direct light v sends out: elements x modes.
-  RowMatrix sent(const VectorXd& v, const VectorXd& scale) const {
+  RowMatrix sent(const VectorXd& v, const std::vector<Eigen::RowVectorXd>& reflected) const {
     RowMatrix result = RowMatrix::Zero(elements.size(), spectra.modes());
     for (Index e = 0; e < elements.size(); ++e) {
       const int m = elements.material[static_cast<std::size_t>(e)];
-      if (m >= 0) result.row(e) = scale[m] * v[e] * spectra.from_direct[static_cast<std::size_t>(m)];
+      if (m >= 0) result.row(e) = v[e] * reflected[static_cast<std::size_t>(m)];
     }
     return result;
   }
@@ -276,13 +298,14 @@ struct ForwardModel::Impl {
   /// Light of a state: solved once, as long as it stays where it is.
   const Lighting& lighting(const FitState& state) {
     if (lit && lit->direction == state.light_direction && lit->half_angle_rad == state.half_angle_rad &&
-        lit->scale == state.scale && lit->bounces == params.bounces)
+        lit->scale == state.scale && lit->raise == state.raise && lit->bounces == params.bounces)
       return *lit;
     lit.reset();
-    Lighting next{state.light_direction, state.half_angle_rad, state.scale, params.bounces, {}, {}};
+    Lighting next{state.light_direction, state.half_angle_rad, state.scale, state.raise, params.bounces, {}, {}, {}};
     next.view = light_view(triangles, state.light_direction, state.half_angle_rad);
+    next.factor = element_factor(next.view);
     if (bounces()) {
-      next.radiosity = between.radiosity(sent(element_factor(next.view), state.scale), state.scale, params.bounces,
+      next.radiosity = between.radiosity(sent(next.factor, from_direct(state)), from_indirect(state), params.bounces,
                                          params.solve_tolerance);
     }
     lit = std::move(next);
@@ -337,15 +360,24 @@ struct ForwardModel::Impl {
     return image;
   }
 
-  /// Channels of a picture before the blur.
-  RowMatrix join(const RowMatrix& direct, const RowMatrix& indirect, const FitState& state) const {
+  /// Channels of a picture before the blur: what leaves the surfaces towards the camera.
+  /// @param direct    pixels x materials; @param arriving  pixels x (materials × modes); either may be empty
+  RowMatrix leaving(const RowMatrix& direct, const RowMatrix& arriving,
+                    const std::vector<Eigen::RowVectorXd>& of_direct, const std::vector<MatrixXd>& of_indirect,
+                    double w) const {
     const Index modes = spectra.modes();
-    RowMatrix channels(indirect.rows(), palette.rows());
-    for (Index m = 0; m < static_cast<Index>(scene.materials.size()); ++m) {
-      channels.col(m * per_material()) = state.scale[m] * direct.col(m);
-      channels.middleCols(m * per_material() + 1, modes) =
-          state.scale[m] * state.w * indirect.middleCols(m * modes, modes);
-    }
+    const Index pixels = std::max(direct.rows(), arriving.rows());
+    RowMatrix channels = RowMatrix::Zero(pixels, modes);
+    tbb::parallel_for(tbb::blocked_range<Index>(0, pixels, 1024), [&](const tbb::blocked_range<Index>& range) {
+      const auto first = range.begin();
+      const auto count = static_cast<Index>(range.size());
+      auto part = channels.middleRows(first, count);
+      for (std::size_t m = 0; m < scene.materials.size(); ++m) {
+        const auto k = static_cast<Index>(m);
+        if (direct.size() > 0) part.noalias() += direct.block(first, k, count, 1) * of_direct[m];
+        if (arriving.size() > 0) part.noalias() += w * arriving.block(first, k * modes, count, modes) * of_indirect[m];
+      }
+    });
     return channels;
   }
 };
@@ -372,8 +404,8 @@ const scene::Scene& ForwardModel::scene() const { return impl_->scene; }
 const SpectralReduction& ForwardModel::spectra() const { return impl_->spectra; }
 const radiosity::Elements& ForwardModel::elements() const { return impl_->elements; }
 const radiosity::Transport& ForwardModel::transport() const { return impl_->transport; }
-Index ForwardModel::channels() const { return impl_->palette.rows(); }
-const RowMatrix& ForwardModel::palette() const { return impl_->palette; }
+Index ForwardModel::channels() const { return impl_->spectra.modes(); }
+const RowMatrix& ForwardModel::palette() const { return impl_->spectra.palette; }
 void ForwardModel::set_bounces(std::optional<int> bounces) { impl_->params.bounces = bounces; }
 
 FitState ForwardModel::initial_state() const {
@@ -385,6 +417,7 @@ FitState ForwardModel::initial_state() const {
       (impl_->elements.area_mm2.transpose() * impl_->elements.centroid).transpose() / impl_->elements.area_mm2.sum();
   state.camera = lens_camera(scene.camera, pivot);
   state.scale = VectorXd::Ones(static_cast<Index>(scene.materials.size()));
+  state.raise = VectorXd::Zero(static_cast<Index>(scene.materials.size()));
   state.gain = VectorXd::Ones(impl_->spectra.bands());
   state.offset = VectorXd::Zero(impl_->spectra.bands());
   return state;
@@ -415,32 +448,53 @@ Evaluation ForwardModel::evaluate(const FitState& state, const std::vector<int>&
           light_view(impl.triangles, direction, state.half_angle_rad);
     }
   }
+  const std::vector<Eigen::RowVectorXd> of_direct = impl.from_direct(state);
+  const std::vector<MatrixXd> of_indirect = impl.from_indirect(state);
   std::vector<int> sources;  // of the solve beside the light itself: parameters
-  for (const int parameter : {static_cast<int>(kLightU), static_cast<int>(kLightV)}) {
-    if (asked(parameter)) sources.push_back(parameter);
+  for (const int parameter : wanted) {
+    if (parameter <= kLightV || parameter >= kFirstScale) sources.push_back(parameter);
   }
-  for (Index m = 0; m < materials; ++m) {
-    if (asked(kFirstScale + static_cast<int>(m))) sources.push_back(kFirstScale + static_cast<int>(m));
-  }
+  std::sort(sources.begin(), sources.end());
+  // Of a scale or an offset: material, and what of all that arrives leaves it in the picture and between the surfaces.
+  struct Paint {
+    Index material;
+    std::vector<Eigen::RowVectorXd> of_direct;
+    std::vector<MatrixXd> of_indirect;
+  };
+  const auto paint_of = [&](int parameter) {
+    const bool is_scale = parameter < kFirstScale + materials;
+    Paint paint{(parameter - kFirstScale) % materials, {}, {}};
+    for (Index m = 0; m < materials; ++m) {
+      const auto k = static_cast<std::size_t>(m);
+      const double on = m == paint.material ? 1.0 : 0.0;
+      paint.of_direct.emplace_back(on * (is_scale ? impl.spectra.from_direct[k] : impl.spectra.light));
+      paint.of_indirect.emplace_back(
+          on * (is_scale ? impl.spectra.from_indirect[k] : MatrixXd(MatrixXd::Identity(modes, modes))));
+    }
+    return paint;
+  };
   const bool bounces = impl.bounces();
   RowMatrix values;  // at the points: light, then each source
   RowMatrix last;
   if (bounces) {
     const RowMatrix& own = lit.radiosity;
-    RowMatrix first(impl.elements.size(), modes * static_cast<Index>(sources.size()));
+    RowMatrix first = RowMatrix::Zero(impl.elements.size(), modes * static_cast<Index>(sources.size()));
+    RowMatrix arriving;
+    if (!sources.empty() && sources.back() >= kFirstScale) arriving = impl.transport.apply(own);
     for (std::size_t s = 0; s < sources.size(); ++s) {
       auto block = first.middleCols(static_cast<Index>(s) * modes, modes);
       if (sources[s] <= kLightV) {
         const auto& pair = tilted_light[static_cast<std::size_t>(sources[s])];
         const VectorXd dv = (impl.element_factor(pair[1]) - impl.element_factor(pair[0])) / (2.0 * kLightStep);
-        block = impl.sent(dv, state.scale);
+        block = impl.sent(dv, of_direct);
       } else {
-        // B = s D (E + F B): dB = D (E + F B) + s D F dB, so the material sends B / s besides.
-        const int material = sources[s] - kFirstScale;
-        block.setZero();
+        // B = D (E + F B): dB = dD (E + F B) + D F dB.
+        const Paint paint = paint_of(sources[s]);
+        const auto k = static_cast<std::size_t>(paint.material);
         for (Index e = 0; e < impl.elements.size(); ++e) {
-          if (impl.elements.material[static_cast<std::size_t>(e)] == material)
-            block.row(e) = own.row(e) / state.scale[material];
+          if (impl.elements.material[static_cast<std::size_t>(e)] != paint.material) continue;
+          block.row(e) = lit.factor[e] * paint.of_direct[k];
+          block.row(e).noalias() += arriving.row(e) * paint.of_indirect[k];
         }
       }
     }
@@ -448,31 +502,35 @@ Evaluation ForwardModel::evaluate(const FitState& state, const std::vector<int>&
     last.leftCols(modes) = own;
     if (!sources.empty()) {
       last.rightCols(first.cols()) = impl.between.radiosity(
-          first, state.scale, impl.params.bounces, std::max(impl.params.solve_tolerance, kDerivativeTolerance));
+          first, of_indirect, impl.params.bounces, std::max(impl.params.solve_tolerance, kDerivativeTolerance));
     }
     if (progress.report || progress.cancelled) progress.update("light", 1.0);
   }
 
-  const auto camera_picture = [&](const CameraView& view, Evaluation* whole) {
+  struct Seen {
+    RowMatrix direct;    ///< pixels x materials
+    RowMatrix arriving;  ///< pixels x (materials × modes)
+  };
+  const auto seen_by = [&](const CameraView& view) {
     impl.gather.require(impl.seen_sides(view), progress);
-    if (bounces) {
-      if (values.rows() != static_cast<Index>(impl.gather.size())) values = impl.gather.apply(last);
-    } else if (values.rows() != static_cast<Index>(impl.gather.size())) {
-      values = RowMatrix::Zero(static_cast<Index>(impl.gather.size()), modes * static_cast<Index>(1 + sources.size()));
+    if (values.rows() != static_cast<Index>(impl.gather.size())) {
+      values = bounces ? impl.gather.apply(last)
+                       : RowMatrix(RowMatrix::Zero(static_cast<Index>(impl.gather.size()),
+                                                   modes * static_cast<Index>(1 + sources.size())));
     }
-    const RowMatrix direct =
-        direct_image(impl.triangles, view, light, impl.seen_groups(view), static_cast<int>(materials));
-    const RowMatrix indirect = impl.indirect_image(view, values, 0);
-    if (whole != nullptr) {
-      whole->direct = impl.join(direct, RowMatrix::Zero(indirect.rows(), indirect.cols()), state);
-    }
-    return impl.join(direct, indirect, state);
+    return Seen{direct_image(impl.triangles, view, light, impl.seen_groups(view), static_cast<int>(materials)),
+                impl.indirect_image(view, values, 0)};
+  };
+  const auto picture_of = [&](const Seen& seen) {
+    return impl.leaving(seen.direct, seen.arriving, of_direct, of_indirect, state.w);
   };
 
   Evaluation result;
   const CameraView view = camera_view(impl.triangles, state.camera);
-  const RowMatrix sharp = camera_picture(view, &result);
+  const Seen seen = seen_by(view);
+  const RowMatrix sharp = picture_of(seen);
   result.channels = blurred(sharp, width, height, state.blur_px);
+  result.direct = blurred(impl.leaving(seen.direct, {}, of_direct, of_indirect, state.w), width, height, state.blur_px);
   result.coverage = blurred(covered(view), width, height, state.blur_px).col(0);
 
   result.derivative.resize(static_cast<std::size_t>(shared_count(impl.scene)));
@@ -487,7 +545,8 @@ Evaluation ForwardModel::evaluate(const FitState& state, const std::vector<int>&
     const RowMatrix direct = (tilted_picture(1) - tilted_picture(0)) / (2.0 * kLightStep);
     const auto source = std::find(sources.begin(), sources.end(), axis) - sources.begin();
     const RowMatrix indirect = impl.indirect_image(view, values, (1 + source) * modes);
-    result.derivative[static_cast<std::size_t>(axis)] = blur(impl.join(direct, indirect, state));
+    result.derivative[static_cast<std::size_t>(axis)] =
+        blur(impl.leaving(direct, indirect, of_direct, of_indirect, state.w));
   }
   for (int parameter = kTurnX; parameter < kBlur; ++parameter) {
     if (!asked(parameter)) continue;
@@ -495,26 +554,24 @@ Evaluation ForwardModel::evaluate(const FitState& state, const std::vector<int>&
       progress.update("camera derivatives", static_cast<double>(parameter - kTurnX) / LensCamera::kParameters);
     const CameraStep step = camera_step(state.camera, parameter);
     const CameraView ahead_view = camera_view(impl.triangles, state.camera.moved(step.step));
-    const RowMatrix ahead = camera_picture(ahead_view, nullptr);
+    const RowMatrix ahead = picture_of(seen_by(ahead_view));
     const CameraView behind_view = camera_view(impl.triangles, state.camera.moved(-step.step));
-    const RowMatrix behind = camera_picture(behind_view, nullptr);
+    const RowMatrix behind = picture_of(seen_by(behind_view));
     result.derivative[static_cast<std::size_t>(parameter)] = blur((ahead - behind) / (2.0 * step.size));
   }
   if (asked(kBlur)) {
     result.derivative[kBlur] = blurred(sharp, width, height, std::max(state.blur_px, kLeastBlur), true);
   }
-  result.direct = blur(result.direct);
   if (asked(kW)) result.derivative[kW] = (result.channels - result.direct) / state.w;
-  for (Index m = 0; m < materials; ++m) {
-    const int parameter = kFirstScale + static_cast<int>(m);
-    if (!asked(parameter)) continue;
+  for (const int parameter : sources) {
+    if (parameter < kFirstScale) continue;
     const auto source = std::find(sources.begin(), sources.end(), parameter) - sources.begin();
     const RowMatrix indirect = impl.indirect_image(view, values, (1 + source) * modes);
-    RowMatrix derivative = blur(impl.join(RowMatrix::Zero(sharp.rows(), materials), indirect, state));
     // The material itself shows more of all that arrives.
-    derivative.middleCols(m * impl.per_material(), impl.per_material()) +=
-        result.channels.middleCols(m * impl.per_material(), impl.per_material()) / state.scale[m];
-    result.derivative[static_cast<std::size_t>(parameter)] = derivative;
+    const Paint paint = paint_of(parameter);
+    result.derivative[static_cast<std::size_t>(parameter)] =
+        blur(impl.leaving({}, indirect, of_direct, of_indirect, state.w) +
+             impl.leaving(seen.direct, seen.arriving, paint.of_direct, paint.of_indirect, state.w));
   }
   return result;
 }

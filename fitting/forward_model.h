@@ -42,6 +42,7 @@ struct FitState {
   double blur_px = 0.0;    ///< standard deviation of the Gaussian point spread; below kLeastBlur: none
   double w = 1.0;          ///< factor on all indirect light, rr + li + rl: w/w′
   Eigen::VectorXd scale;   ///< of each material's Donaldson matrix
+  Eigen::VectorXd raise;   ///< added to each material's reflectance in all bands, after the scale
   Eigen::VectorXd gain;    ///< one a band
   Eigen::VectorXd offset;  ///< one a band, in the unit of the capture
 };
@@ -64,7 +65,7 @@ enum SharedParameter : int {
   kDistortion,
   kBlur,  ///< [px]
   kW,
-  kFirstScale,  ///< one a material
+  kFirstScale,  ///< one a material, then the offsets of their reflectances
 };
 
 int shared_count(const scene::Scene& scene);
@@ -96,7 +97,7 @@ struct CoverageEvaluation {
 ///
 /// Light: the direct irradiance of elements and pixels is an area-exact cosine times visible share. The indirect light
 /// solves C = F (v a + C A) on a few spectral modes (SpectralReduction); it is linear in v, so its derivative by a tilt
-/// of the light is one more solve with the derivative of v, and by a reflectance scale one more with the light that the
+/// of the light is one more solve with the derivative of v, and by a reflectance one more with the light that the
 /// material sends out. Camera: exact coverage of pixels by what is seen of each triangle (coverage.h). Derivatives of
 /// v, of the direct picture and of coverage are central differences over steps far below a pixel of these exact areas,
 /// which are smooth; everything behind them is analytic.
@@ -114,7 +115,7 @@ class ForwardModel {
   const radiosity::Elements& elements() const;
   const radiosity::Transport& transport() const;
   Eigen::Index channels() const;
-  /// channels x camera bands.
+  /// Modes of SpectralReduction in the camera's bands: channels x camera bands.
   const radiosity::RowMatrix& palette() const;
 
   /// The scene's own light and camera, no blur, all factors 1, offsets 0.

@@ -116,7 +116,7 @@ IndirectSolve::IndirectSolve(const radiosity::Elements& elements, const radiosit
 }
 
 RowMatrix IndirectSolve::reflected(const RowMatrix& arriving, const std::vector<int>& material,
-                                   const VectorXd& scale) const {
+                                   const std::vector<MatrixXd>& reflection) const {
   const Index modes = spectra_.modes();
   RowMatrix result = RowMatrix::Zero(arriving.rows(), arriving.cols());
   tbb::parallel_for(tbb::blocked_range<Index>(0, arriving.rows(), 64), [&](const tbb::blocked_range<Index>& range) {
@@ -125,21 +125,21 @@ RowMatrix IndirectSolve::reflected(const RowMatrix& arriving, const std::vector<
       if (m < 0) continue;
       for (Index s = 0; s < arriving.cols(); s += modes) {
         result.row(e).segment(s, modes).noalias() =
-            scale[m] * arriving.row(e).segment(s, modes) * spectra_.from_indirect[static_cast<std::size_t>(m)];
+            arriving.row(e).segment(s, modes) * reflection[static_cast<std::size_t>(m)];
       }
     }
   });
   return result;
 }
 
-RowMatrix IndirectSolve::later_between_cells(const RowMatrix& sent, const VectorXd& scale) const {
+RowMatrix IndirectSolve::later_between_cells(const RowMatrix& sent, const std::vector<MatrixXd>& reflection) const {
   const auto next = [&](const RowMatrix& from) {
     RowMatrix arriving(from.rows(), from.cols());
     tbb::parallel_for(tbb::blocked_range<Index>(0, from.rows(), 64), [&](const tbb::blocked_range<Index>& range) {
       const auto count = static_cast<Index>(range.size());
       arriving.middleRows(range.begin(), count).noalias() = between_cells_.middleRows(range.begin(), count) * from;
     });
-    return reflected(arriving, cell_material_, scale);
+    return reflected(arriving, cell_material_, reflection);
   };
   RowMatrix term = next(sent);
   RowMatrix sum = term;
@@ -151,10 +151,10 @@ RowMatrix IndirectSolve::later_between_cells(const RowMatrix& sent, const Vector
   return sum;
 }
 
-RowMatrix IndirectSolve::radiosity(const RowMatrix& first, const VectorXd& scale, std::optional<int> bounces,
-                                   double tolerance) const {
+RowMatrix IndirectSolve::radiosity(const RowMatrix& first, const std::vector<MatrixXd>& reflection,
+                                   std::optional<int> bounces, double tolerance) const {
   const auto bounced = [&](const RowMatrix& sent) {
-    return reflected(transport_.apply(sent), elements_.material, scale);
+    return reflected(transport_.apply(sent), elements_.material, reflection);
   };
   RowMatrix result = first;
   if (bounces) {
@@ -186,7 +186,7 @@ RowMatrix IndirectSolve::radiosity(const RowMatrix& first, const VectorXd& scale
       const auto i = static_cast<std::size_t>(e);
       if (cell_[i] >= 0) of_cells.row(cell_[i]) += share_[i] * missing.row(e);
     }
-    const RowMatrix later = later_between_cells(of_cells, scale);
+    const RowMatrix later = later_between_cells(of_cells, reflection);
     Way way{missing, {}, VectorXd(size.size())};
     for (Index e = 0; e < first.rows(); ++e) {
       const int cell = cell_[static_cast<std::size_t>(e)];

@@ -24,20 +24,21 @@ class IndirectSolve {
 
   /// What the elements send out, for several sources at once, in blocks of `modes` columns.
   /// @param first   E, elements x (sources × modes); 0 where an element is black
-  /// @param scale   of each material's Donaldson matrix
+  /// @param reflection  of each material: what leaves it per unit of each mode that arrives, modes x modes
   /// @param bounces of the light that the result sends on, at least 1: the sum of that many terms; empty: all
   /// @param tolerance  largest value that B lacks to fulfil its equation, relative to the largest of E, for each source
   /// @throws NumericalFailure if it does not settle
-  radiosity::RowMatrix radiosity(const radiosity::RowMatrix& first, const Eigen::VectorXd& scale,
+  radiosity::RowMatrix radiosity(const radiosity::RowMatrix& first, const std::vector<Eigen::MatrixXd>& reflection,
                                  std::optional<int> bounces, double tolerance) const;
 
   Eigen::Index cells() const { return between_cells_.rows(); }
 
  private:
   radiosity::RowMatrix reflected(const radiosity::RowMatrix& arriving, const std::vector<int>& material,
-                                 const Eigen::VectorXd& scale) const;
+                                 const std::vector<Eigen::MatrixXd>& reflection) const;
   /// T (1 - T)⁻¹ of what cells send out, T = S F between cells.
-  radiosity::RowMatrix later_between_cells(const radiosity::RowMatrix& sent, const Eigen::VectorXd& scale) const;
+  radiosity::RowMatrix later_between_cells(const radiosity::RowMatrix& sent,
+                                           const std::vector<Eigen::MatrixXd>& reflection) const;
 
   const radiosity::Elements& elements_;
   const radiosity::Transport& transport_;

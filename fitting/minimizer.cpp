@@ -24,6 +24,7 @@ using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::Ro
 
 constexpr double kWidestBlur = 20.0;      ///< [px]
 constexpr double kLeastFactor = 1e-3;     ///< of w and scales
+constexpr double kLargestRaise = 0.5;     ///< of a reflectance
 constexpr double kLargestScale = 10.0;    ///< of a reflectance
 constexpr double kLargestZoom = 0.7;      ///< change of the focal length's logarithm
 constexpr double kNoisyStep = 0.03;       ///< fall of ½ Σ ρ, predicted for a step that failed, that ends the search
@@ -60,6 +61,10 @@ std::vector<Group> free_groups(const FitState& state, const std::vector<int>& fr
     const int parameter = kFirstScale + static_cast<int>(m);
     add(parameter, parameter, {state.scale[m]});
   }
+  for (Index m = 0; m < state.raise.size(); ++m) {
+    const int parameter = kFirstScale + static_cast<int>(state.scale.size() + m);
+    add(parameter, parameter, {state.raise[m]});
+  }
   return groups;
 }
 
@@ -91,7 +96,11 @@ void set(FitState& state, const Group& group, const double* value) {
       state.w = value[0];
       break;
     default:
-      state.scale[group.first - kFirstScale] = value[0];
+      if (group.first - kFirstScale < state.scale.size()) {
+        state.scale[group.first - kFirstScale] = value[0];
+      } else {
+        state.raise[group.first - kFirstScale - state.scale.size()] = value[0];
+      }
   }
 }
 
@@ -198,7 +207,7 @@ class Watch : public ceres::IterationCallback {
   const Progress& progress_;
 };
 
-void set_bounds(ceres::Problem& problem, Group& group) {
+void set_bounds(ceres::Problem& problem, Group& group, int materials) {
   double* value = group.value.data();
   const auto within = [&](double low, double high) {
     problem.SetParameterLowerBound(value, 0, low);
@@ -208,7 +217,8 @@ void set_bounds(ceres::Problem& problem, Group& group) {
   if (group.first == kBlur) within(kLeastBlur, kWidestBlur);
   if (group.first == kFocal) within(*value - kLargestZoom, *value + kLargestZoom);
   if (group.first == kW) problem.SetParameterLowerBound(value, 0, kLeastFactor);
-  if (group.first >= kFirstScale) within(kLeastFactor, kLargestScale);
+  if (group.first >= kFirstScale && group.first < kFirstScale + materials) within(kLeastFactor, kLargestScale);
+  if (group.first >= kFirstScale + materials) within(-kLargestRaise, kLargestRaise);
 }
 
 void add_priors(ceres::Problem& problem, std::vector<Group>& groups, const std::vector<int>& free,
@@ -287,7 +297,7 @@ FitStage minimize(FitState& state, const std::vector<int>& free, const Linearise
     problem.AddParameterBlock(group.value.data(), static_cast<int>(group.value.size()));
     if (group.first == kLightU) problem.SetManifold(group.value.data(), new ceres::SphereManifold<3>);
     if (group.first == kTurnX) problem.SetManifold(group.value.data(), new ceres::EigenQuaternionManifold);
-    set_bounds(problem, group);
+    set_bounds(problem, group, static_cast<int>(state.scale.size()));
   }
   problem.AddResidualBlock(new CompressedCost(search), nullptr, blocks);
   add_priors(problem, groups, free, params.priors);

@@ -72,7 +72,7 @@ struct PhotometricSearch {
                      .tolerance = tolerance,
                      .first_radius = first_radius,
                      .residuals = static_cast<double>(data.residuals),
-                     .priors = priors(start.camera, free, params),
+                     .priors = priors(start, start.camera, free, params),
                      .believed = start},
                     progress);
   }
@@ -111,7 +111,7 @@ void run_small_pictures(const ForwardModel& model, const FitParams& params, cons
     if (first) state.half_angle_rad = std::max(half_angle, kWideLamp);
     state.blur_px = std::max(kSmallBlur, fit.state.blur_px / factor);
     FitParams coarse = params;
-    coarse.principal = coarse.distortion = coarse.reflectance = coarse.blur = false;
+    coarse.principal = coarse.distortion = coarse.reflectance = coarse.reflectance_offset = coarse.blur = false;
     coarse.focal = params.focal && !first;
     FitState small_start = start;
     small_start.camera = reduced(like, factor);

@@ -2,6 +2,7 @@
 #include "fitting/spectral_reduction.h"
 
 #include <Eigen/SVD>
+#include <algorithm>
 #include <numbers>
 
 namespace interglow::fitting {
@@ -12,6 +13,8 @@ using radiosity::RowMatrix;
 // At most this share of what leaves a surface meets another one; deeper bounces count less by it each.
 constexpr double kBounceShare = 0.7;
 constexpr int kMostBounces = 60;
+/// By which the lamp's spectrum and its first reflections count more than what follows.
+constexpr double kFirst = 100.0;
 
 /// Rows that span the same space up to `least`, scaled by their singular values.
 RowMatrix compressed(const RowMatrix& rows, double least) {
@@ -48,7 +51,10 @@ SpectralReduction reduce_spectra(const scene::Scene& scene, const Eigen::VectorX
   };
   RowMatrix arriving = bounce(light.transpose());
   const double largest = arriving.rowwise().norm().maxCoeff();
-  RowMatrix all = arriving;
+  RowMatrix all(1 + arriving.rows(), bands);
+  all.row(0) = light.transpose() * std::min(1.0, largest / light.norm());
+  all.bottomRows(arriving.rows()) = arriving;
+  all *= kFirst;
   for (int k = 1; k < kMostBounces && arriving.rows() > 0; ++k) {
     arriving = compressed(kBounceShare * bounce(arriving), 0.1 * tolerance * largest);
     all.conservativeResize(all.rows() + arriving.rows(), bands);
@@ -58,15 +64,13 @@ SpectralReduction reduce_spectra(const scene::Scene& scene, const Eigen::VectorX
   result.spectrum = compressed(all, tolerance * largest);
   for (Eigen::Index r = 0; r < result.modes(); ++r) result.spectrum.row(r).normalize();
 
+  result.light = light.transpose() * result.spectrum.transpose();
+  result.palette = result.spectrum.middleCols(first, last - first + 1) / std::numbers::pi;
   for (const spectral::Material& material : scene.materials) {
     const RowMatrix direct = leaving(light.transpose(), material.donaldson);
     const RowMatrix indirect = leaving(result.spectrum, material.donaldson);
     result.from_direct.emplace_back(direct * result.spectrum.transpose());
     result.from_indirect.emplace_back(indirect * result.spectrum.transpose());
-    RowMatrix palette(1 + result.modes(), last - first + 1);
-    palette.row(0) = direct.middleCols(first, palette.cols());
-    palette.bottomRows(result.modes()) = indirect.middleCols(first, palette.cols());
-    result.palette.push_back(palette / std::numbers::pi);
   }
   return result;
 }

@@ -46,7 +46,7 @@ Recovery recover(const RecoveryParams& params) {
 
   const fitting::ForwardModel model(scene_of(params.scene), {});
   const fitting::FitState truth = model.initial_state();
-  VectorXd step = VectorXd::Zero(fitting::kFirstScale + truth.scale.size());
+  VectorXd step = VectorXd::Zero(fitting::shared_count(model.scene()));
   const double turn = params.start_deg * kDegree;
   step[fitting::kTurnX] = 0.6 * turn;
   step[fitting::kTurnY] = -0.5 * turn;
@@ -54,9 +54,11 @@ Recovery recover(const RecoveryParams& params) {
   step[fitting::kShiftZ] = 0.01 * params.start_deg * truth.camera.pivot_in_camera.z();
   step[fitting::kLightU] = 0.7 * turn;
   step[fitting::kLightV] = -0.7 * turn;
-  const fitting::SceneFit fit = fitting::fit_scene(
-      model, capture, fitting::moved(truth, step),
-      {.reflectance = params.reflectance != ReflectanceError::kNone, .staged = params.start_deg > 1.0});
+  const fitting::SceneFit fit =
+      fitting::fit_scene(model, capture, fitting::moved(truth, step),
+                         {.reflectance = params.reflectance == ReflectanceError::kScale,
+                          .reflectance_offset = params.reflectance == ReflectanceError::kOffset,
+                          .staged = params.start_deg > 1.0});
 
   Recovery result;
   std::vector<Vector3d> points;

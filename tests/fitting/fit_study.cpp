@@ -56,7 +56,7 @@ void expose(const ForwardModel& model, FitState& state) {
   state.gain.setConstant(kCounts / static_cast<double>(*std::max_element(picture.value.begin(), picture.value.end())));
 }
 
-VectorXd no_step(const FitState& state) { return VectorXd::Zero(fitting::kFirstScale + state.scale.size()); }
+VectorXd no_step(const FitState& state) { return VectorXd::Zero(fitting::kFirstScale + 2 * state.scale.size()); }
 
 Vector3d random_direction(std::mt19937_64& random) {
   std::normal_distribution<double> normal;

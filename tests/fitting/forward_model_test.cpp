@@ -129,6 +129,7 @@ TEST_P(ForwardModelOf, DerivativesMeetRichardsonDifferencesUnderAWideSource) {
   state.blur_px = 0.8;
   state.w = 1.2;
   state.scale << 0.95, 1.03;
+  state.raise << 0.03, -0.02;
   state.camera.distortion = 0.05;
   check_derivatives(model, state, 0.9999, 2e-3);
 }

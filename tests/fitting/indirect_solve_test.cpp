@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 #include <cmath>
 #include <optional>
+#include <vector>
 
 #include "fit_scenes.h"
 #include "fitting/fit_mesh.h"
@@ -28,8 +29,12 @@ class IndirectSolveOf : public testing::Test {
   radiosity::Transport transport_ = radiosity::Transport::build(elements_, {});
   SpectralReduction spectra_ = reduce_spectra(scene_, VectorXd::Ones(scene_.grid.size()), 1e-2);
 
+  std::vector<MatrixXd> reflection() const {
+    return {1.05 * spectra_.from_indirect[0], 0.98 * spectra_.from_indirect[1]};
+  }
+
   /// 1 - S F.
-  MatrixXd system(const VectorXd& scale) const {
+  MatrixXd system() const {
     const Index modes = spectra_.modes();
     MatrixXd result = MatrixXd::Identity(elements_.size() * modes, elements_.size() * modes);
     for (Index i = 0; i < elements_.size(); ++i) {
@@ -37,7 +42,7 @@ class IndirectSolveOf : public testing::Test {
       if (m < 0) continue;
       for (Index j = 0; j < elements_.size(); ++j) {
         result.block(i * modes, j * modes, modes, modes) -=
-            scale[m] * transport_.form_factor(i, j) * spectra_.from_indirect[static_cast<std::size_t>(m)].transpose();
+            transport_.form_factor(i, j) * reflection()[static_cast<std::size_t>(m)].transpose();
       }
     }
     return result;
@@ -62,10 +67,9 @@ TEST_F(IndirectSolveOf, MeetsTheFullMatrix) {
   ASSERT_GE(modes, 2);
   const IndirectSolve solve(elements_, transport_, spectra_);
   EXPECT_LT(solve.cells(), elements_.size() / 4);
-  const VectorXd scale = (VectorXd(2) << 1.05, 0.98).finished();
   const RowMatrix first = sources();
-  const RowMatrix ours = solve.radiosity(first, scale, std::nullopt, 1e-11);
-  const Eigen::PartialPivLU<MatrixXd> lu(system(scale));
+  const RowMatrix ours = solve.radiosity(first, reflection(), std::nullopt, 1e-11);
+  const Eigen::PartialPivLU<MatrixXd> lu(system());
   for (Index s = 0; s < 2; ++s) {
     const RowMatrix right = first.middleCols(s * modes, modes);
     const VectorXd truth = lu.solve(Eigen::Map<const VectorXd>(right.data(), right.size()));
@@ -77,14 +81,13 @@ TEST_F(IndirectSolveOf, MeetsTheFullMatrix) {
 
 TEST_F(IndirectSolveOf, BouncesAreTheTermsOfTheSeries) {
   const IndirectSolve solve(elements_, transport_, spectra_);
-  const VectorXd scale = VectorXd::Ones(2);
   const RowMatrix first = sources();
   const Index modes = spectra_.modes();
   const RowMatrix right = first.leftCols(modes);
-  const MatrixXd bounce = MatrixXd::Identity(right.size(), right.size()) - system(scale);
+  const MatrixXd bounce = MatrixXd::Identity(right.size(), right.size()) - system();
   const VectorXd e = Eigen::Map<const VectorXd>(right.data(), right.size());
   const VectorXd truth = e + bounce * (e + bounce * e);
-  const RowMatrix block = solve.radiosity(first, scale, 3, 1e-11).leftCols(modes);
+  const RowMatrix block = solve.radiosity(first, reflection(), 3, 1e-11).leftCols(modes);
   EXPECT_LT((Eigen::Map<const VectorXd>(block.data(), block.size()) - truth).cwiseAbs().maxCoeff(),
             1e-12 * truth.cwiseAbs().maxCoeff());
 }

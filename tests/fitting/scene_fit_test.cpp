@@ -26,7 +26,7 @@ double angle_deg(const Vector3d& a, const Vector3d& b) {
 
 /// The state turned and moved away from the truth by this much.
 FitState away(const FitState& truth, double turn_deg, double distance_share, double light_deg) {
-  VectorXd step = VectorXd::Zero(kFirstScale + truth.scale.size());
+  VectorXd step = VectorXd::Zero(kFirstScale + 2 * truth.scale.size());
   const double turn = turn_deg * std::numbers::pi / 180.0;
   step[kTurnX] = 0.6 * turn;
   step[kTurnY] = -0.5 * turn;
