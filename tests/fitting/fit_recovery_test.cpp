@@ -50,8 +50,8 @@ TEST(FitRecovery, SpoiltHalfCylinders) {
 TEST(FitRecovery, SpoiltArchOnAPlane) {
   const Recovery found =
       recover({.arch = true,
-               .scene = {.around = 16, .along = 8, .bands = 4, .side_px = 40, .fluorescent = false},
-               .paths = 512,
+               .scene = {.around = 16, .along = 8, .bands = 6, .side_px = 48, .fluorescent = true},
+               .paths = 1024,
                .spoilt = true,
                .reflectance = ReflectanceError::kOffset});
   EXPECT_TRUE(found.converged);
