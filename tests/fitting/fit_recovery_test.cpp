@@ -35,25 +35,23 @@ TEST(FitRecovery, HalfCylinders) {
   RecordProperty("w_share", std::to_string(found.w_share) + " noise " + std::to_string(found.w_sd));
 }
 
-// Blur 1 px, 3 % glare, 0.5 % offset, gains that differ by 10 % and reflectances that are 0.02 higher than the model's in
-// all bands, which the fit may add: w/w' within 2 %.
+// Blur 1 px, 3 % glare, 0.5 % offset, gains that differ by 10 % and reflectances that are 0.02 higher than the model's
+// in all bands, which the fit may add: w/w' within 2 %.
 TEST(FitRecovery, SpoiltHalfCylinders) {
-  const Recovery found =
-      recover({.scene = {.around = 12, .along = 6, .bands = 4, .side_px = 40, .fluorescent = false},
-               .paths = 512,
-               .spoilt = true,
-               .reflectance = ReflectanceError::kOffset});
+  const Recovery found = recover({.scene = {.around = 12, .along = 6, .bands = 4, .side_px = 40, .fluorescent = false},
+                                  .paths = 512,
+                                  .spoilt = true,
+                                  .reflectance = ReflectanceError::kOffset});
   EXPECT_TRUE(found.converged);
   EXPECT_LT(std::abs(found.w_share), 0.02) << "noise " << found.w_sd;
 }
 
 TEST(FitRecovery, SpoiltArchOnAPlane) {
-  const Recovery found =
-      recover({.arch = true,
-               .scene = {.around = 16, .along = 8, .bands = 6, .side_px = 48, .fluorescent = true},
-               .paths = 1024,
-               .spoilt = true,
-               .reflectance = ReflectanceError::kOffset});
+  const Recovery found = recover({.arch = true,
+                                  .scene = {.around = 16, .along = 8, .bands = 6, .side_px = 48, .fluorescent = true},
+                                  .paths = 1024,
+                                  .spoilt = true,
+                                  .reflectance = ReflectanceError::kOffset});
   EXPECT_TRUE(found.converged);
   EXPECT_LT(std::abs(found.w_share), 0.02) << "noise " << found.w_sd;
 }
