@@ -47,6 +47,23 @@ double largest_error(const Cube& cube, double tolerance) {
   return worst;
 }
 
+/// Largest |row sum - 1|, every pair computed once for both of its rows.
+double largest_row_error(const Cube& cube, double tolerance) {
+  std::vector<double> row(cube.batch.size(), 0.0);
+  std::vector<FormFactor> results(cube.batch.size());
+  for (std::uint32_t i = 0; i < cube.batch.size(); ++i) {
+    const std::vector<std::uint32_t> partners = cube.partners(i);
+    cube.batch.exchange_areas(i, partners, tolerance, {results.data(), partners.size()});
+    for (std::uint32_t j = 0; j < partners.size(); ++j) {
+      row[i] += results[j].value;
+      row[j] += results[j].value;
+    }
+  }
+  double worst = 0;
+  for (std::size_t i = 0; i < row.size(); ++i) worst = std::max(worst, std::abs(row[i] / cube.batch.area(i) - 1));
+  return worst;
+}
+
 /// Arguments: patches per edge; tolerance 10^-second.
 void batch_of_cube(benchmark::State& state) {
   const Cube cube(static_cast<int>(state.range(0)));
@@ -70,6 +87,7 @@ void batch_of_cube(benchmark::State& state) {
   state.counters["pairs/s"] = benchmark::Counter(pairs, benchmark::Counter::kIsRate);
   state.counters["contour_share"] = contour / pairs;
   state.counters["largest_error"] = error;
+  state.counters["row_error"] = largest_row_error(cube, tolerance);
 }
 BENCHMARK(batch_of_cube)->ArgsProduct({{8, 16, 32}, {4, 6, 8, 10, 12, 14}})->Unit(benchmark::kMillisecond);
 BENCHMARK(batch_of_cube)->Args({64, 4})->Args({64, 10})->Unit(benchmark::kMillisecond)->Iterations(1);
