@@ -26,6 +26,7 @@ constexpr int kSamplesPerSide = 16;
 
 struct Options {
   std::filesystem::path scene, out, reference, standard_error;
+  std::string command_line;
   std::string method = "radiosity";
   std::optional<int> size{};
   verification::CrossCheckParams check{};
@@ -67,12 +68,11 @@ int cross_check(Options options, const Session& session) {
       .solve = {.bounces = solve.bounces, .tolerance = solve.tolerance, .max_iterations = solve.max_iterations},
       .render = {.samples_per_side = std::max(kSamplesPerSide, description.render.samples_per_side),
                  .gather_tolerance = description.render.gather_tolerance}};
-  verification::Provenance from{
-      .title = options.scene.string(),
-      .command_line = fmt::format("interglow cross-check {} --out {}", options.scene.string(), options.out.string()),
-      .version = INTERGLOW_VERSION,
-      .inputs = {},
-      .warnings = built.warnings};
+  verification::Provenance from{.title = options.scene.string(),
+                                .command_line = options.command_line,
+                                .version = INTERGLOW_VERSION,
+                                .inputs = {},
+                                .warnings = built.warnings};
   for (const scene::InputFile& input : built.inputs) from.inputs.emplace_back(input.path.string(), input.sha256);
   const verification::CrossCheck check = run_check(options, built.scene, from, session.progress);
   const report::Json document = verification::report_document(check, options.check, from);
@@ -122,8 +122,15 @@ void add_cross_check_command(CLI::App& app, Session& session, std::function<int(
       ->check(CLI::IsMember({"radiosity", "path-tracer"}))
       ->capture_default_str();
   add_session_options(*command, session);
-  command->callback(
-      [options, &session, &action] { action = [options, &session] { return cross_check(*options, session); }; });
+  command->callback([options, command, &session, &action] {
+    options->command_line = "interglow cross-check " + options->scene.string();
+    for (const CLI::Option* option : command->get_options()) {
+      if (option->count() == 0 || option->get_lnames().empty()) continue;  // the scene has no name
+      options->command_line += " --" + option->get_lnames().front();
+      for (const std::string& value : option->results()) options->command_line += " " + value;
+    }
+    action = [options, &session] { return cross_check(*options, session); };
+  });
 }
 
 }  // namespace interglow::cli

@@ -82,6 +82,11 @@ Json viewer_section(const CrossCheck& check) {
 
   Json images =
       Json::array({rgb_image(check.candidate_name, a, exposure), rgb_image(check.reference_name, b, exposure)});
+  const double brightest = reference.empty() ? 0.0 : *std::max_element(reference.begin(), reference.end());
+  images.push_back(map_image(check.candidate_name + ", radiance", "W m⁻² sr⁻¹", a, 0.0, brightest,
+                             [&](std::size_t p) { return value[p]; }));
+  images.push_back(map_image(check.reference_name + ", radiance", "W m⁻² sr⁻¹", a, 0.0, brightest,
+                             [&](std::size_t p) { return reference[p]; }));
   images.push_back(map_image("relative difference", "%", a, -5.0, 5.0, [&](std::size_t p) {
     return reference[p] > 0.0 ? 100.0 * (value[p] - reference[p]) / reference[p] : kUndefined;
   }));

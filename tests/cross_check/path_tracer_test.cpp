@@ -127,6 +127,53 @@ TEST(PathTracer, ClosedBoxIsAFurnace) {
   }
 }
 
+// Every point of an integrating sphere sees the area A_s of a lamp by A_s / A, wherever it stands: irradiance
+// M A_s / (A (1 - ρ)). The facets of 1.4° depart from the sphere's by 1e-4, far below what the check can tell.
+TEST(PathTracer, IntegratingSphereIsUniformlyLit) {
+  constexpr double kReflectance = 0.8;
+  mesh::PatchMesh wall, cap;
+  const auto inwards = [&](Eigen::Vector3d a, Eigen::Vector3d b, Eigen::Vector3d c) {
+    mesh::PatchMesh& part = (a + b + c).normalized().z() > 0.8 ? cap : wall;
+    const auto first = static_cast<int>(part.points.size());
+    for (const Eigen::Vector3d& corner : {a, c, b}) part.points.push_back(corner.normalized());
+    part.faces.push_back({first, first + 1, first + 2, -1});
+  };
+  constexpr int kParts = 64;
+  for (const double x : {-1.0, 1.0}) {
+    for (const double y : {-1.0, 1.0}) {
+      for (const double z : {-1.0, 1.0}) {
+        const auto at = [&](int i, int j) {
+          return Eigen::Vector3d(x * i / kParts, y * j / kParts, z * (kParts - i - j) / kParts);
+        };
+        const bool outwards = x * y * z > 0.0;
+        const auto add = [&](const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c) {
+          outwards ? inwards(a, b, c) : inwards(a, c, b);
+        };
+        for (int i = 0; i < kParts; ++i) {
+          for (int j = 0; i + j < kParts; ++j) {
+            add(at(i + 1, j), at(i, j + 1), at(i, j));
+            if (i + j + 1 < kParts) add(at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
+          }
+        }
+      }
+    }
+  }
+  scene::Scene scene = grey_scene(kReflectance);
+  const double lamp_area = mesh::total_area(cap);
+  const double direct = lamp_area / (lamp_area + mesh::total_area(wall));
+  scene.objects.push_back({.name = "wall", .patches = wall});
+  scene.objects.push_back({.name = "lamp", .patches = cap, .exitance = Eigen::VectorXd::Constant(1, 1.0)});
+  scene.camera.position = {0.1, 0.2, 0.3};
+  scene.camera.target = {0.4, -0.3, -1};
+  scene.camera.horizontal_fov_deg = 60;
+  PathTracer tracer(scene, {});
+  tracer.add_batches(128);
+  expect_mean(tracer, Channel::kRe, kReflectance * direct / pi);
+  expect_mean(tracer, Channel::kTotal, kReflectance * direct / (1.0 - kReflectance) / pi);
+  const Pooled total = pooled(tracer.estimate(Channel::kTotal), 0);
+  EXPECT_LT(total.standard_error, 4e-3 * total.mean) << "it can tell too little";
+}
+
 TEST(PathTracer, SkyFurnaceIsUniformWhateverTheShape) {
   scene::Scene scene = grey_scene(1.0);
   scene.objects.push_back(
