@@ -26,10 +26,13 @@ using batch::PatchRecord;
 using batch::ProductRule;
 using Eigen::Vector3d;
 
-const batch::Kernels& best_kernels() {
+const batch::Kernels& best_kernels([[maybe_unused]] InstructionSet most) {
 #if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")) return batch::avx512_kernels();
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return batch::avx2_kernels();
+  if (most >= InstructionSet::kAvx512 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+      __builtin_cpu_supports("avx512vl"))
+    return batch::avx512_kernels();
+  if (most >= InstructionSet::kAvx2 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
+    return batch::avx2_kernels();
 #endif
   return batch::baseline_kernels();
 }
@@ -217,8 +220,8 @@ PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double
 
 }  // namespace
 
-FormFactorBatch::FormFactorBatch(std::vector<Polygon> polygons)
-    : polygons_(std::move(polygons)), kernels_(&best_kernels()) {
+FormFactorBatch::FormFactorBatch(std::vector<Polygon> polygons, InstructionSet most)
+    : polygons_(std::move(polygons)), kernels_(&best_kernels(most)) {
   Vector3d low = Vector3d::Constant(std::numeric_limits<double>::infinity()), high = -low;
   for (std::size_t p = 0; p < polygons_.size(); ++p)
     for (int i = 0; i < polygons_[p].corners; ++i) {

@@ -17,6 +17,9 @@ struct PatchRecord;
 struct Kernels;
 }  // namespace batch
 
+/// Vectors of 2, 4 and 8 pairs.
+enum class InstructionSet { kSse2, kAvx2, kAvx512 };
+
 /// A rule that `exchange_areas` may choose.
 struct FixedRule {
   enum Family {
@@ -37,8 +40,9 @@ struct FixedRule {
 /// list, the thread, or the order of the two.
 class FormFactorBatch {
  public:
+  /// @param most  the best set to be used; a lesser one if the processor lacks it
   /// @throws InvalidParams if a corner is not finite. Patches without area are kept and exchange nothing.
-  explicit FormFactorBatch(std::vector<Polygon> polygons);
+  explicit FormFactorBatch(std::vector<Polygon> polygons, InstructionSet most = InstructionSet::kAvx512);
   ~FormFactorBatch();
   FormFactorBatch(FormFactorBatch&&) noexcept;
   FormFactorBatch& operator=(FormFactorBatch&&) noexcept;
