@@ -101,11 +101,18 @@ int main() {
        {"y", {{"label", "Pixels"}}},
        {"series",
         Json::array({{{"name", "found"}, {"bars", true}, {"x", {-2, -1, 0, 1, 2}}, {"y", {5, 24, 40, 24, 6}}}})}},
-      {{"type", "facts"}, {"title", "Settings"}, {"rows", {{"margin", 0.005}, {"confidence", 0.99}}}},
+      {{"type", "facts"},
+       {"title", "Settings"},
+       {"rows",
+        {{"margin", 0.005},
+         {"confidence", 0.99},
+         {"SHA-256 of examples/a_folder_with_a_long_name/another_folder_with_a_long_name/floor_of_the_room.obj",
+          "4bf5122f344554c53bde2ebb8cd2b7e3d1600ad631c385a5d7cce23c7785459a"}}}},
       {{"type", "text"},
        {"title", "What was not tested"},
        {"paragraphs", {"Nothing was tested."}},
-       {"items", {"one", "two"}}},
+       {"items",
+        {"one", "Warning: examples/a_folder_with_a_long_name/another_folder_with_a_long_name/scene.toml:35: two"}}},
   });
   std::puts(interglow::report::html_page(document).c_str());
 }
