@@ -332,13 +332,13 @@ void settle(const PatchRecord* const* first, const PatchRecord* const* second, i
     }
     // A vector of pairs that all take the same points need not be sorted.
     const Mask on_edges = choice > splat(kEdges);
-    if (any(on_edges)) {
+    if (!any(~on_edges)) {
       double points = 0;
       for (int lane = 0; lane < kLanes; ++lane) points = choice[lane] > points ? choice[lane] : points;
-      if (!any(on_edges & (choice < points))) {
+      if (!any(choice < points)) {
         const EdgeRule& rule = edge_rules[(static_cast<int>(points) - kEdges) / 2];
-        value = on_edges ? edges_of_parallelograms(first_lanes, second_lanes, rule) : value;
-        choice = on_edges ? splat(kSettledByEdges) : choice;
+        value = edges_of_parallelograms(first_lanes, second_lanes, rule);
+        choice = splat(kSettledByEdges);
       }
     }
     value = choice <= splat(kSettledByEdges) ? min(max(value, splat(0)), least_area) : least_area;
