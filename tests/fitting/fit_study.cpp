@@ -91,6 +91,9 @@ StartStudy study_starts(const StudyParams& params, int starts, double turn_deg, 
   fitting::FitParams near;
   near.staged = false;
   const fitting::SceneFit best = fitting::fit_scene(model, capture, truth, near);
+  const ForwardModel coarse(half_cylinders(params.scene), fitting::coarser({.mesh = params.mesh}));
+  fitting::FitParams far;
+  far.small_pictures = &coarse;
   StartStudy study;
   for (; study.tried < starts; ++study.tried) {
     VectorXd step = no_step(truth);
@@ -103,7 +106,7 @@ StartStudy study_starts(const StudyParams& params, int starts, double turn_deg, 
     FitState start = fitting::moved(truth, step);
     start.blur_px = 0.0;
     start.gain.setOnes();
-    const fitting::SceneFit fit = fitting::fit_scene(model, capture, start, {});
+    const fitting::SceneFit fit = fitting::fit_scene(model, capture, start, far);
     const double excess = (fit.cost - best.cost) * static_cast<double>(fit.residuals) / std::max(1.0, best.chi_square);
     const bool reached = excess < 1.0;
     study.reached += reached ? 1 : 0;
