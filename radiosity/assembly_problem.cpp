@@ -172,9 +172,9 @@ AssemblyProblem::AssemblyProblem(const Elements& scene_elements, const Transport
     : elements(scene_elements), params(transport_params), tree(scene_elements) {
   const Eigen::Index n = elements.size();
   entry_tolerance = params.tolerance / std::sqrt(static_cast<double>(std::max<Eigen::Index>(n, 1)));
-  // The bounds of a row's product rules add up; they stay about a fifth of what is asked for.
+  // The bounds of a row's rules add up; they stay a few hundredths of what is asked for. A digit more costs little.
   unoccluded_tolerance =
-      std::min(0.1 * entry_tolerance, 2.0 * params.tolerance / static_cast<double>(std::max<Eigen::Index>(n, 1)));
+      std::min(0.01 * entry_tolerance, 0.2 * params.tolerance / static_cast<double>(std::max<Eigen::Index>(n, 1)));
   deviations = deviations_of_all(n);
   tile_of_node.assign(static_cast<std::size_t>(2 * n), -1);
   mark_tiles(tree, tree.root(), tile_of_node, tile_first);
