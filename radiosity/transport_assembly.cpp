@@ -288,7 +288,7 @@ class Descent {
 
   /// Wanted error of what blockers hide [mm²].
   double shadow_tolerance(int i, int j) const {
-    return 0.5 * problem_.entry_tolerance * std::min(problem_.elements.area_mm2[i], problem_.elements.area_mm2[j]);
+    return 0.2 * problem_.entry_tolerance * std::min(problem_.elements.area_mm2[i], problem_.elements.area_mm2[j]);
   }
 
   /// Exchange areas of the marked pairs of a tile, row by row; then what blockers leave of them.
