@@ -160,7 +160,6 @@ BENCHMARK(BM_BunnyInBox)
     ->Args({2000, 3})
     ->Args({4000, 3})
     ->Args({8000, 3})
-    ->Args({1000, 4})
     ->Iterations(1)
     ->MeasureProcessCPUTime()
     ->Unit(benchmark::kMillisecond);
