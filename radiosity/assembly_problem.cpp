@@ -3,7 +3,6 @@
 
 #include <tbb/parallel_for.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -90,82 +89,6 @@ void mark_nodes(AssemblyProblem& problem) {
   }
 }
 
-/// Whether a polygon that rises above an element meets its interior: on the two sides of it different things are seen.
-bool divides(const ConvexBody& body, const Polygon& patch, const Vector3d& normal, double flat) {
-  std::vector<Vector3d> common;  // points of the body's outline in the patch's plane
-  double highest = 0.0;
-  const auto height = [&](const Vector3d& p) { return normal.dot(p - patch.corner[0]); };
-  for (std::size_t k = 0; k < body.vertex.size(); ++k) {
-    const Vector3d& a = body.vertex[k];
-    const Vector3d& b = body.vertex[k + 1 < body.vertex.size() ? k + 1 : 0];
-    const double ha = height(a);
-    const double hb = height(b);
-    highest = std::max(highest, ha);
-    if (std::abs(ha) <= flat) common.push_back(a);
-    if ((ha > flat && hb < -flat) || (ha < -flat && hb > flat)) common.push_back((b * ha - a * hb) / (ha - hb));
-  }
-  if (highest <= flat || common.size() < 2) return false;
-  Vector3d from = common[0];
-  Vector3d to = common[1];
-  for (const Vector3d& p : common) {
-    for (const Vector3d& q : common) {
-      if ((q - p).squaredNorm() > (to - from).squaredNorm()) {
-        from = p;
-        to = q;
-      }
-    }
-  }
-  const double margin = 8.0 * flat;
-  double enter = 0.0;
-  double leave = 1.0;
-  for (int k = 0; k < patch.corners; ++k) {
-    const Vector3d& a = patch.corner[static_cast<std::size_t>(k)];
-    const Vector3d& b = patch.corner[static_cast<std::size_t>((k + 1) % patch.corners)];
-    const Vector3d inward = normal.cross(b - a).normalized();
-    const double start = inward.dot(from - a) - margin;
-    const double end = inward.dot(to - a) - margin;
-    if (start <= 0.0 && end <= 0.0) return false;
-    if (start < 0.0) enter = std::max(enter, start / (start - end));
-    if (end < 0.0) leave = std::min(leave, start / (start - end));
-  }
-  return enter < leave;
-}
-
-bool is_pierced(const AssemblyProblem& problem, int element) {
-  const double flat = problem.tree.flat();
-  const Polygon& patch = problem.tree.polygon(element);
-  const Vector3d normal = problem.elements.normal.row(element).transpose();
-  Box box = Box::empty();
-  for (int k = 0; k < patch.corners; ++k) box.cover(patch.corner[static_cast<std::size_t>(k)]);
-  std::vector<int> pending;
-  for (const BodyTree& bodies : problem.blockers.tree) {
-    pending.assign(1, 0);
-    while (!pending.empty()) {
-      const BodyTree::Node& node = bodies.node[static_cast<std::size_t>(pending.back())];
-      pending.pop_back();
-      if ((node.box.low.array() > box.high.array() + flat).any() ||
-          (node.box.high.array() < box.low.array() - flat).any())
-        continue;
-      if (node.body < 0) {
-        pending.push_back(node.right);
-        pending.push_back(node.left);
-        continue;
-      }
-      const ConvexBody& body = problem.blockers.body[static_cast<std::size_t>(node.body)];
-      if (!body.solid) {
-        if (divides(body, patch, normal, flat)) return true;
-        continue;
-      }
-      const bool rises = std::any_of(body.vertex.begin(), body.vertex.end(),
-                                     [&](const Vector3d& v) { return normal.dot(v - patch.corner[0]) > flat; });
-      if (rises && !separated(patch.corner.data(), patch.corners, body.vertex.data(),
-                              static_cast<int>(body.vertex.size()), flat))
-        return true;
-    }
-  }
-  return false;
-}
-
 }  // namespace
 
 AssemblyProblem::AssemblyProblem(const Elements& scene_elements, const TransportParams& transport_params)
@@ -185,13 +108,7 @@ AssemblyProblem::AssemblyProblem(const Elements& scene_elements, const Transport
   std::vector<Polygon> polygons;
   for (int e = 0; e < static_cast<int>(n); ++e) polygons.push_back(tree.polygon(e));
   kernel.emplace(std::move(polygons));
-  if (!few_blockers()) {
-    risen.emplace(elements, tree, blockers, tile_first, params.tolerance);
-    shadow_edges = ShadowEdges(std::move(blockers.edge));
-    pierced.assign(static_cast<std::size_t>(n), 0);
-    tbb::parallel_for(std::size_t{0}, static_cast<std::size_t>(n),
-                      [&](std::size_t e) { pierced[e] = is_pierced(*this, static_cast<int>(e)) ? 1 : 0; });
-  }
+  if (!few_blockers()) risen.emplace(elements, tree, blockers, tile_first, params.tolerance);
   mark_nodes(*this);
 }
 

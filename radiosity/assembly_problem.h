@@ -11,7 +11,6 @@
 #include "radiosity/elements.h"
 #include "radiosity/form_factor_batch.h"
 #include "radiosity/risen_blockers.h"
-#include "radiosity/shadow_edges.h"
 #include "radiosity/transport.h"
 #include "radiosity/visibility.h"
 
@@ -36,8 +35,6 @@ struct AssemblyProblem {
   std::optional<FormFactorBatch> kernel;
   std::optional<Visibility> visibility;  ///< with occlusion
   std::optional<RisenBlockers> risen;    ///< with many blockers
-  ShadowEdges shadow_edges;              ///< with many blockers
-  std::vector<char> pierced;             ///< with many blockers, by element: one stands on it or passes through it
 
   const Cluster& cluster(int node) const { return tree.cluster(node); }
   int element(int position) const { return tree.order()[static_cast<std::size_t>(position)]; }

@@ -3,15 +3,10 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <span>
 
 namespace interglow::radiosity {
 
 using Eigen::Vector3d;
-
-/// Attempts to separate an edge from a shaft: what is missed between clusters is looked at again between their members.
-constexpr int kFewSteps = 3;
-constexpr int kManySteps = 8;
 
 /// Whether every line between the two ends of a shaft meets the body: for a convex body it is enough that all lines
 /// between corners do.
@@ -150,49 +145,6 @@ bool BlockerSearch::search(int a, int b, std::size_t most, Candidates& found) {
     }
   }
   return true;
-}
-
-bool BlockerSearch::may_bound_shadow(const ShadowEdge& edge, const Between& pair, int steps) const {
-  const Shaft& shaft = pair.shaft;
-  const std::array<Vector3d, 2> ends = {edge.a, edge.b};
-  const auto rises_above = [&](int node) {
-    const Cluster& c = problem_.cluster(node);
-    if (c.sin_spread != 0.0) return true;
-    return c.axis.dot(edge.a) - c.lowest > flat() || c.axis.dot(edge.b) - c.lowest > flat();
-  };
-  if (!rises_above(pair.a) || !rises_above(pair.b)) return false;
-  const auto a_corners = static_cast<std::size_t>(shaft.a_corners);
-  const std::span<const Vector3d> of_a(shaft.corner.data(), a_corners);
-  const std::span<const Vector3d> of_b(shaft.corner.data() + a_corners,
-                                       static_cast<std::size_t>(shaft.corners) - a_corners);
-  if (!edge.turns_away(of_a, flat()) || !edge.turns_away(of_b, flat())) return false;
-  return !separated(shaft.corner.data(), shaft.corners, ends.data(), 2, flat(), steps);
-}
-
-void BlockerSearch::shadow_edges(int a, int b, std::vector<int>& found) {
-  const Between pair = between(a, b);
-  problem_.shadow_edges.search(
-      [&](const Box& box) {
-        return overlaps(box, pair.shaft) && may_face(problem_.cluster(a), box) && may_face(problem_.cluster(b), box);
-      },
-      [&](int edge) {
-        if (may_bound_shadow(problem_.shadow_edges.edge(edge), pair, kFewSteps)) found.push_back(edge);
-      },
-      pending_);
-}
-
-void BlockerSearch::thin_out_edges(int a, int b, const std::vector<int>& candidates, std::vector<int>& left) const {
-  const Between pair = between(a, b);
-  const bool single = problem_.cluster(a).count == 1 && problem_.cluster(b).count == 1;
-  for (const int k : candidates) {
-    const ShadowEdge& edge = problem_.shadow_edges.edge(k);
-    if ((edge.a.cwiseMin(edge.b).array() > pair.shaft.hull.high.array() + flat()).any() ||
-        (edge.a.cwiseMax(edge.b).array() < pair.shaft.hull.low.array() - flat()).any())
-      continue;
-    if (!may_bound_shadow(edge, pair, single ? kManySteps : kFewSteps)) continue;
-    left.push_back(k);
-    if (single) return;
-  }
 }
 
 }  // namespace interglow::radiosity

@@ -27,11 +27,6 @@ class BlockerSearch {
   /// cuts all lines. @pre the problem has many blockers
   bool search(int a, int b, std::size_t most, Candidates& found);
 
-  /// Numbers of the shadow edges that some line between two clusters may pass where the surface ends or turns away.
-  void shadow_edges(int a, int b, std::vector<int>& found);
-  /// Of the candidates, those that lines between two clusters may pass so; between single elements one is enough.
-  void thin_out_edges(int a, int b, const std::vector<int>& candidates, std::vector<int>& left) const;
-
  private:
   /// All lines between two clusters run within the convex hull of these corners.
   struct Shaft {
@@ -58,7 +53,6 @@ class BlockerSearch {
   bool overlaps(const Box& box, const Shaft& shaft) const;
   /// Whether a body may cut a line between a member of one cluster and one of the other.
   bool may_cut(const ConvexBody& body, const Between& pair) const;
-  bool may_bound_shadow(const ShadowEdge& edge, const Between& pair, int steps) const;
   bool hides_all(const ConvexBody& body, const Between& pair) const;
 
   const AssemblyProblem& problem_;

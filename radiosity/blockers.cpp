@@ -283,45 +283,6 @@ int add_nodes(const std::vector<ConvexBody>& body, std::span<int> members, BodyT
   return static_cast<int>(number);
 }
 
-void add_edges(const ConvexBody& solid, std::vector<ShadowEdge>& edges) {
-  const auto side = [&](int f) {
-    const ConvexBody::Face& face = solid.face[static_cast<std::size_t>(f)];
-    return ShadowEdge::Side{face.normal, face.offset};
-  };
-  for (const ConvexBody::Edge& edge : solid.edge) {
-    edges.push_back({solid.vertex[static_cast<std::size_t>(edge.a)], solid.vertex[static_cast<std::size_t>(edge.b)],
-                     std::array{side(edge.face), side(edge.other)}});
-  }
-}
-
-/// Of the outlines that block something.
-void add_edges(const Surface& surface, const Merged& merged, const std::vector<char>& blocks,
-               std::vector<ShadowEdge>& edges) {
-  constexpr int kSeveral = -2;
-  std::map<std::pair<int, int>, int> left_of;
-  for (std::size_t g = 0; g < blocks.size(); ++g) {
-    if (blocks[g] == 0) continue;
-    const Loop& loop = merged.outline[g];
-    for (std::size_t k = 0; k < loop.size(); ++k) {
-      const auto [it, added] = left_of.try_emplace({loop[k], loop[(k + 1) % loop.size()]}, static_cast<int>(g));
-      if (!added) it->second = kSeveral;
-    }
-  }
-  const auto side = [&](int g) {
-    const Plane& plane = merged.plane[static_cast<std::size_t>(g)];
-    return ShadowEdge::Side{plane.normal, plane.offset};
-  };
-  for (const auto& [ends, outline] : left_of) {
-    const auto twin = left_of.find({ends.second, ends.first});
-    if (twin != left_of.end() && ends.first > ends.second) continue;
-    ShadowEdge edge{
-        surface.point[static_cast<std::size_t>(ends.first)], surface.point[static_cast<std::size_t>(ends.second)], {}};
-    if (twin != left_of.end() && outline != kSeveral && twin->second != kSeveral)
-      edge.sides = std::array{side(outline), side(twin->second)};
-    edges.push_back(edge);
-  }
-}
-
 }  // namespace
 
 Blockers make_blockers(const Elements& elements, double flat) {
@@ -351,17 +312,13 @@ Blockers make_blockers(const Elements& elements, double flat) {
     if (elements.back_element[first] < 0) {
       if (auto solid = convex_solid(surface, merged, flat)) {
         solid->object = faces.object[first];
-        add_edges(*solid, blockers.edge);
         blockers.body.push_back(std::move(*solid));
         first = last;
         continue;
       }
     }
-    std::vector<char> blocks(merged.outline.size());
-    for (std::size_t g = 0; g < blocks.size(); ++g) blocks[g] = in_the_way(merged.plane[g]) ? 1 : 0;
-    add_edges(surface, merged, blocks, blockers.edge);
     for (std::size_t g = 0; g < merged.outline.size(); ++g) {
-      if (blocks[g] == 0) continue;
+      if (!in_the_way(merged.plane[g])) continue;
       ConvexBody body;
       body.vertex = outline_points(merged.outline[g]);
       for (const Vector3d& v : body.vertex) body.box.cover(v);

@@ -7,7 +7,6 @@
 
 #include "radiosity/element_tree.h"
 #include "radiosity/elements.h"
-#include "radiosity/shadow_edges.h"
 
 namespace interglow::radiosity {
 
@@ -45,7 +44,6 @@ struct BodyTree {
 struct Blockers {
   std::vector<BodyTree> tree;  ///< one an object that has bodies
   std::vector<ConvexBody> body;
-  std::vector<ShadowEdge> edge;  ///< of all bodies, each once
 };
 
 /// Neighbouring faces of an object in one plane are merged where the union is convex, and an object that is closed and

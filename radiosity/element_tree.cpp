@@ -143,7 +143,7 @@ bool in_front(const Vector3d& normal, const Vector3d& origin, const Polygon& oth
   return false;
 }
 
-bool separated(const Vector3d* a, int a_count, const Vector3d* b, int b_count, double flat, int steps) {
+bool separated(const Vector3d* a, int a_count, const Vector3d* b, int b_count, double flat) {
   // Gilbert's iteration for the point of b - a nearest to the origin; any direction on the way may be a certificate.
   const auto support = [&](const Vector3d& d, double& gap) {
     int lowest_b = 0;
@@ -168,7 +168,7 @@ bool separated(const Vector3d* a, int a_count, const Vector3d* b, int b_count, d
     return Vector3d(b[lowest_b] - a[highest_a]);
   };
   Vector3d nearest = b[0] - a[0];
-  for (int iteration = 0; iteration < steps; ++iteration) {
+  for (int iteration = 0; iteration < 12; ++iteration) {
     double gap = 0.0;
     const Vector3d corner = support(nearest, gap);
     const double length = nearest.norm();

@@ -67,8 +67,7 @@ bool may_face(const Cluster& cluster, const Box& box);
 /// Whether some corner of `other` lies in front of the plane through `origin`, beyond rounding.
 bool in_front(const Eigen::Vector3d& normal, const Eigen::Vector3d& origin, const Polygon& other);
 
-/// True only if a plane strictly separates the two sets of points; found in at most `steps` attempts.
-bool separated(const Eigen::Vector3d* a, int a_count, const Eigen::Vector3d* b, int b_count, double flat,
-               int steps = 12);
+/// True only if a plane strictly separates the two sets of points.
+bool separated(const Eigen::Vector3d* a, int a_count, const Eigen::Vector3d* b, int b_count, double flat);
 
 }  // namespace interglow::radiosity

@@ -92,7 +92,7 @@ int LineSampler::add(int i, int j, std::uint64_t draw, int count) {
   const int face_j = elements_.face[static_cast<std::size_t>(j)];
   int found = 0;
   // How often is tried depends on the shapes alone, not on what is seen.
-  for (int tries = 8 * count + 32; found < count && tries > 0; --tries) {
+  for (int tries = 2 * count + 8; found < count && tries > 0; --tries) {
     double density_i = 0.0;
     double density_j = 0.0;
     const Vector3d p = from.at(x[0], x[1], density_i);

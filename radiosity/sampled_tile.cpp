@@ -22,56 +22,25 @@ TileSampler::Pair TileSampler::pair_at(const SampledTile& tile, std::size_t at) 
   return {static_cast<int>(at), std::min(i, j), std::max(i, j)};
 }
 
-bool TileSampler::draw_pilot(SampledTile& tile, const std::vector<char>& in_doubt, TransportReport& counts) {
+void TileSampler::draw_pilot(SampledTile& tile) {
   const auto size = static_cast<std::size_t>(tile.rows * tile.columns);
-  tile.pilot.assign(size, kSettled);
+  tile.pilot.assign(size, 0);
   pairs_.clear();
   lines_.clear();
   for (std::size_t at = 0; at < size; ++at) {
     if (!(tile.values[at] > 0.0)) continue;
     Pair pair = pair_at(tile, at);
-    const bool alike = in_doubt[at] == 0 && problem_.pierced[static_cast<std::size_t>(pair.i)] == 0 &&
-                       problem_.pierced[static_cast<std::size_t>(pair.j)] == 0;
-    const int lines = lines_.add(pair.i, pair.j, kPilotDraw, alike ? 1 : kPilotLines);
-    pair.alike = alike && lines > 0;
+    lines_.add(pair.i, pair.j, kPilotDraw, kPilotLines);
     pair.end = lines_.size();
     pairs_.push_back(pair);
   }
   lines_.trace();
   std::size_t first = 0;
-  bool any_left = false;
   for (const Pair& pair : pairs_) {
-    const auto at = static_cast<std::size_t>(pair.at);
-    const double share = lines_.sums(first, pair.end).share();
+    tile.pilot[static_cast<std::size_t>(pair.at)] =
+        static_cast<std::uint8_t>(std::lround(kPilotScale * lines_.sums(first, pair.end).share()));
     first = pair.end;
-    if (pair.alike) {
-      if (share == 0.0) {
-        tile.values[at] = 0.0;
-        tile.method[at] = static_cast<std::uint8_t>(FormFactorMethod::kBlocked);
-        ++counts.blocked_pairs;
-      }
-      ++counts.pairs_by_method[tile.method[at]];
-    } else {
-      tile.pilot[at] = static_cast<std::uint8_t>(std::lround(kPilotScale * share));
-      any_left = true;
-    }
   }
-  return any_left;
-}
-
-bool TileSampler::complete(const SampledTile& tile) {
-  const auto n = static_cast<std::size_t>(tile.columns);
-  if (tile.row_first == tile.column_first) {
-    for (std::size_t r = 0; r < n; ++r) {
-      for (std::size_t c = 0; c < r; ++c) {
-        double& lower = tile.values[r * n + c];
-        double& upper = tile.values[c * n + r];
-        lower = upper = lower + upper;  // one of them is 0
-      }
-    }
-  }
-  const double* const end = tile.values + tile.rows * tile.columns;
-  return std::any_of(static_cast<const double*>(tile.values), end, [](double value) { return value > 0.0; });
 }
 
 void TileSampler::find_deviations(const SampledTile& tile) {
@@ -89,13 +58,13 @@ void TileSampler::find_deviations(const SampledTile& tile) {
   std::vector<Mean> of_row(rows), of_column(columns);
   const auto share = [&](std::size_t at) { return tile.pilot[at] / static_cast<double>(kPilotScale); };
   for (std::size_t at = 0; at < rows * columns; ++at) {
-    if (tile.pilot[at] == kSettled) continue;
+    if (!(tile.values[at] > 0.0)) continue;
     of_row[at / columns].add(share(at));
     of_column[at % columns].add(share(at));
   }
   deviation_.assign(rows * columns, 0.0);
   for (std::size_t at = 0; at < rows * columns; ++at) {
-    if (tile.pilot[at] == kSettled) continue;
+    if (!(tile.values[at] > 0.0)) continue;
     const double around = 0.5 * (of_row[at / columns].value() + of_column[at % columns].value());
     const double p = (kPilotLines * share(at) + around) / (kPilotLines + 1);
     deviation_[at] = std::sqrt(p * (1.0 - p));
@@ -129,6 +98,7 @@ bool TileSampler::settle(SampledTile& tile, const Eigen::VectorXd& lines_per_spr
   const auto columns = static_cast<std::size_t>(tile.columns);
   std::vector<RowError> of_sides(rows + columns);  // rows, then columns; of exchange areas
   std::size_t agreeing_lines = 0;
+  bool any_seen = false;
   const auto finish = [&] {
     lines_.trace();
     std::size_t first = 0;
@@ -143,6 +113,7 @@ bool TileSampler::settle(SampledTile& tile, const Eigen::VectorXd& lines_per_spr
       const double share = sums.share();
       const bool agree = n > 0 && sums.agree();
       tile.values[at] = exchange * share;
+      any_seen = any_seen || share > 0.0;
       auto method = static_cast<FormFactorMethod>(tile.method[at]);
       if (share == 0.0) {
         method = FormFactorMethod::kBlocked;
@@ -173,7 +144,7 @@ bool TileSampler::settle(SampledTile& tile, const Eigen::VectorXd& lines_per_spr
   pairs_.clear();
   lines_.clear();
   for (std::size_t at = 0; at < rows * columns; ++at) {
-    if (tile.pilot[at] == kSettled) continue;
+    if (!(tile.values[at] > 0.0)) continue;
     Pair pair = pair_at(tile, at);
     const double wanted =
         deviation_[at] * tile.values[at] * std::max(lines_per_spread[pair.i], lines_per_spread[pair.j]);
@@ -195,7 +166,16 @@ bool TileSampler::settle(SampledTile& tile, const Eigen::VectorXd& lines_per_spr
     error.in_doubt *= in_doubt;
     errors.push_back(error.over(problem_.elements.area_mm2[e]));
   }
-  return complete(tile);
+  if (any_seen && tile.row_first == tile.column_first) {
+    for (std::size_t r = 0; r < rows; ++r) {
+      for (std::size_t c = 0; c < r; ++c) {
+        double& lower = tile.values[r * columns + c];
+        double& upper = tile.values[c * columns + r];
+        lower = upper = lower + upper;  // one of them is 0
+      }
+    }
+  }
+  return any_seen;
 }
 
 }  // namespace interglow::radiosity

@@ -20,7 +20,7 @@ struct SampledTile {
   int rows = 0;
   int columns = 0;
   double* values = nullptr;  ///< exchange areas [mm²]; on the diagonal each pair stands once until it is settled
-  std::vector<std::uint8_t> pilot;   ///< by pair: visible share, in steps of 1 / kPilotScale; or kSettled
+  std::vector<std::uint8_t> pilot;   ///< by pair: visible share, in steps of 1 / kPilotScale
   std::vector<std::uint8_t> method;  ///< by pair: FormFactorMethod of the unoccluded value
 };
 
@@ -34,21 +34,15 @@ struct RowSpread {
 /// without: how many disagree among the pairs whose pilots agreed is part of what is measured.
 class TileSampler {
  public:
-  static constexpr int kPilotLines = 8;
+  static constexpr int kPilotLines = 4;
   static constexpr int kPilotScale = 240;
-  static constexpr int kSettled = 255;  ///< or nothing is exchanged
 
   /// Keeps a reference. @pre the problem has occlusion
   explicit TileSampler(const AssemblyProblem& problem)
       : problem_(problem), lines_(problem.elements, problem.tree, *problem.visibility) {}
 
-  /// Settles the pairs whose lines are all alike by one line, and draws the pilots of the others.
-  /// @param in_doubt  by pair: lines may differ
-  /// @return false if no pair is left
-  bool draw_pilot(SampledTile& tile, const std::vector<char>& in_doubt, TransportReport& counts);
-
-  /// Puts the pairs of a tile on the diagonal in their second place. False if nothing is seen by anybody.
-  static bool complete(const SampledTile& tile);
+  /// Draws the pilot of every pair with a value above 0.
+  void draw_pilot(SampledTile& tile);
 
   /// Appends by element the sum of its pairs' expected standard deviations from one line, as form factors.
   void find_spread(const SampledTile& tile, std::vector<RowSpread>& spread);
@@ -66,7 +60,6 @@ class TileSampler {
   struct Pair {
     int at;
     int i, j;                ///< elements, i < j
-    bool alike = false;      ///< all lines are
     std::size_t middle = 0;  ///< the two draws' ends among the lines
     std::size_t end = 0;
   };

@@ -44,7 +44,7 @@ constexpr int kManyLines = 4096;
 /// Of what a row may be wrong by: the rest is for chance in the spread of lines, which the pilots only guess.
 constexpr double kPlanned = 0.9;
 /// Variance of a lattice's lines over that which pilots expect of independent ones, about.
-constexpr double kOfLattice = 0.3;
+constexpr double kOfLattice = 0.25;
 /// However much the rules may be wrong by, this share of the tolerance is left to lines.
 constexpr double kLeastForLines = 0.25;
 
@@ -191,44 +191,9 @@ class Descent {
                            problem_.tile_of_node[static_cast<std::size_t>(b)], tile_values});
     if (!sampled_) return;
     SampledTile tile{row_first_, column_first_, rows_, columns_, tile_values, {}, std::move(methods_)};
-    in_doubt_.assign(values_.size(), 0);
-    Candidates edges;
-    search_.shadow_edges(a, b, edges);
-    mark_in_doubt(a, b, edges);
-    if (sampler_->draw_pilot(tile, in_doubt_, counts)) {
-      sampler_->find_spread(tile, spread);
-      sampled.push_back(std::move(tile));
-    } else if (!TileSampler::complete(tile)) {
-      chunk.tiles.pop_back();
-      chunk.values.pop_back();
-    }
-  }
-
-  /// Marks the pairs of a tile some of whose lines may pass an edge of a shadow.
-  void mark_in_doubt(int a, int b, const Candidates& edges) {
-    const Cluster& ca = cluster(a);
-    const Cluster& cb = cluster(b);
-    if (edges.empty() || !problem_.may_exchange(a, b)) return;
-    if (a == b) {
-      if (ca.count == 1) return;
-      mark_in_doubt(ca.left, ca.left, edges);
-      mark_in_doubt(ca.left, ca.right, edges);
-      mark_in_doubt(ca.right, ca.right, edges);
-      return;
-    }
-    Candidates left;
-    search_.thin_out_edges(a, b, edges, left);
-    if (left.empty()) return;
-    if (ca.count == 1 && cb.count == 1) {
-      in_doubt_[static_cast<std::size_t>((ca.first - row_first_) * columns_ + cb.first - column_first_)] = 1;
-    } else if (cb.count == 1 ||
-               (ca.count > 1 && (ca.box.high - ca.box.low).squaredNorm() >= (cb.box.high - cb.box.low).squaredNorm())) {
-      mark_in_doubt(ca.left, b, left);
-      mark_in_doubt(ca.right, b, left);
-    } else {
-      mark_in_doubt(a, cb.left, left);
-      mark_in_doubt(a, cb.right, left);
-    }
+    sampler_->draw_pilot(tile);
+    sampler_->find_spread(tile, spread);
+    sampled.push_back(std::move(tile));
   }
 
   /// Marks the pairs of a tile that face one another and lists those that blockers may reach.
@@ -406,7 +371,6 @@ class Descent {
   std::vector<int> columns_of_others_;
   std::vector<FormFactor> results_, row_results_;
   std::vector<std::uint8_t> methods_;
-  std::vector<char> in_doubt_;
   std::vector<double> values_;
   std::vector<RowError> of_rows_, of_columns_;  ///< of the tile, as exchange areas
   int row_first_ = 0;
@@ -525,16 +489,21 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
   std::vector<std::vector<RowSpread>> spread(tasks.size());
   std::atomic<std::size_t> done = 0;
   const Progress stop{.report = {}, .cancelled = progress.cancelled};
-  tbb::parallel_for(std::size_t{0}, tasks.size(), [&](std::size_t t) {
-    Descent descent(problem, stop);
-    descent.run(tasks[t]);
-    chunks[t] = std::move(descent.chunk);
-    counts[t] = descent.counts;
-    row_errors[t] = std::move(descent.row_errors);
-    sampled[t] = std::move(descent.sampled);
-    spread[t] = std::move(descent.spread);
-    progress.update("form factors", static_cast<double>(++done) / static_cast<double>(tasks.size()));
-  });
+  // Tasks near contacts are by far the longest, and stand together.
+  const tbb::simple_partitioner one_by_one;
+  tbb::parallel_for(
+      std::size_t{0}, tasks.size(),
+      [&](std::size_t t) {
+        Descent descent(problem, stop);
+        descent.run(tasks[t]);
+        chunks[t] = std::move(descent.chunk);
+        counts[t] = descent.counts;
+        row_errors[t] = std::move(descent.row_errors);
+        sampled[t] = std::move(descent.sampled);
+        spread[t] = std::move(descent.spread);
+        progress.update("form factors", static_cast<double>(++done) / static_cast<double>(tasks.size()));
+      },
+      one_by_one);
   std::vector<RowError> of_rows(static_cast<std::size_t>(n));
   const auto collect_errors = [&] {
     for (std::vector<RowError>& list : row_errors) {
@@ -556,10 +525,14 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
         kOfLattice / (elements.area_mm2[e] * std::max(0.25 * allowed * allowed, allowed * allowed - rules.variance));
   }
   done = 0;
-  tbb::parallel_for(std::size_t{0}, tasks.size(), [&](std::size_t t) {
-    if (!sampled[t].empty()) settle(problem, stop, lines_per_spread, sampled[t], chunks[t], counts[t], row_errors[t]);
-    progress.update("shadows", static_cast<double>(++done) / static_cast<double>(tasks.size()));
-  });
+  tbb::parallel_for(
+      std::size_t{0}, tasks.size(),
+      [&](std::size_t t) {
+        if (!sampled[t].empty())
+          settle(problem, stop, lines_per_spread, sampled[t], chunks[t], counts[t], row_errors[t]);
+        progress.update("shadows", static_cast<double>(++done) / static_cast<double>(tasks.size()));
+      },
+      one_by_one);
   collect_errors();
   for (const TransportReport& count : counts) {
     assembly.report.facing_pairs += count.facing_pairs;
