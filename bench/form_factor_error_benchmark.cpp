@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Error against time of ways to compute unoccluded form factors, one core: product rules of 1 to 6 points per
-// direction, the contour integral, random lines, and the automatic choice. Pairs of a cube of 12 x 12 quads a face, by
-// the gap between their centres in patch sizes: near (below 1.5: touching), middle (below 5) and far. The error of
-// every method is measured against the contour integral at round-off before the method is timed. At the end, for each
-// point of the automatic choice, its time over that of the fastest other method of no larger error, from the least of
-// all repetitions. scripts/plot_form_factor_error draws the result.
-//   form_factor_error_benchmark --benchmark_repetitions=5 --benchmark_enable_random_interleaving=true
+// direction, the kernel between centres without and with second moments, Gauss points on edges, the contour integral,
+// random lines, and the automatic choice. Two families of pairs, by the gap between their centres in patch sizes: near
+// (below 1.5: touching), middle (below 5) and far (below 17).
+//   cube    quads of a cube, 12 x 12 a face
+//   turned  triangles, parallelograms and other quads in turn, turned at random, areas up to 4 apart
+// The error of every method is measured against the contour integral at round-off before the method is timed. At the
+// end, for each point of the automatic choice, its time over that of the fastest other method of no larger error, from
+// the least of all repetitions. scripts/plot_form_factor_error draws the result.
+//   form_factor_error_benchmark --benchmark_repetitions=8 --benchmark_enable_random_interleaving=true
 //     --benchmark_out=error.json --benchmark_out_format=json
 #include <benchmark/benchmark.h>
 
@@ -30,8 +33,9 @@ namespace {
 using namespace interglow::radiosity;
 using Eigen::Vector3d;
 
-constexpr int kSide = 12;
 constexpr std::size_t kPairsOfAPatch = 64;  // so that a vector kernel has work
+constexpr std::array<const char*, 3> kGaps{"near", "middle", "far"};
+constexpr std::array<double, 4> kGapLimits{0.0, 1.5, 5.0, 17.0};  // in patch sizes
 
 struct Pairs {
   std::uint32_t one;
@@ -39,14 +43,23 @@ struct Pairs {
   std::vector<double> exact;  ///< exchange areas
 };
 
-struct Case {
-  std::vector<Polygon> patches = test::cube(kSide, false);
-  FormFactorBatch batch{patches};
-  std::array<std::vector<Pairs>, 3> pairs;  ///< near, middle, far
-  std::size_t count(std::size_t set) const {
+struct Family {
+  const char* name;
+  std::vector<Polygon> patches;
+  FormFactorBatch batch;
+  std::array<std::vector<Pairs>, 3> pairs;  ///< by kGaps
+  Family(const char* given_name, std::vector<Polygon> given_patches)
+      : name(given_name), patches(given_patches), batch(std::move(given_patches)) {}
+
+  std::size_t count(std::size_t gap) const {
     std::size_t sum = 0;
-    for (const Pairs& p : pairs[set]) sum += p.others.size();
+    for (const Pairs& p : pairs[gap]) sum += p.others.size();
     return sum;
+  }
+  double least_area(std::uint32_t i, std::uint32_t j) const { return std::min(batch.area(i), batch.area(j)); }
+  void add(Pairs& set, std::uint32_t other) const {
+    set.others.push_back(other);
+    set.exact.push_back(exchange_area(patches[set.one], patches[other], 0.0).value);
   }
 };
 
@@ -56,51 +69,128 @@ Vector3d centre(const Polygon& p) {
   return sum / p.corners;
 }
 
-const Case& the_case() {
-  static const Case made = [] {
-    Case c;
-    const double size = std::sqrt(c.batch.area(0));
-    constexpr std::uint32_t kFace = kSide * kSide;
-    for (std::uint32_t i = kFace; i < c.batch.size(); i += 5) {
-      std::array<Pairs, 3> of_patch{Pairs{i, {}, {}}, Pairs{i, {}, {}}, Pairs{i, {}, {}}};
-      for (std::uint32_t j = 0; j < i / kFace * kFace; ++j) {
-        const double gap = (centre(c.patches[i]) - centre(c.patches[j])).norm() / size;
-        Pairs& set = of_patch[gap < 1.5 ? 0 : gap < 5.0 ? 1 : 2];
-        if (set.others.size() == kPairsOfAPatch) continue;
-        set.others.push_back(j);
-        set.exact.push_back(exchange_area(c.patches[i], c.patches[j], 0.0).value);
-      }
-      for (std::size_t k = 0; k < 3; ++k) {
-        if (!of_patch[k].others.empty()) c.pairs[k].push_back(of_patch[k]);
-      }
+Vector3d normal(const Polygon& p) { return (p.corner[1] - p.corner[0]).cross(p.corner[2] - p.corner[0]).normalized(); }
+
+Family cube() {
+  constexpr int kSide = 12;
+  Family made("cube", test::cube(kSide, false));
+  const double size = std::sqrt(made.batch.area(0));
+  constexpr std::uint32_t kFace = kSide * kSide;
+  for (std::uint32_t i = kFace; i < made.batch.size(); i += 5) {
+    std::array<Pairs, 3> of_patch{Pairs{i, {}, {}}, Pairs{i, {}, {}}, Pairs{i, {}, {}}};
+    for (std::uint32_t j = 0; j < i / kFace * kFace; ++j) {
+      const double gap = (centre(made.patches[i]) - centre(made.patches[j])).norm() / size;
+      Pairs& set = of_patch[gap < kGapLimits[1] ? 0 : gap < kGapLimits[2] ? 1 : 2];
+      if (set.others.size() < kPairsOfAPatch) made.add(set, j);
     }
-    return c;
-  }();
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (!of_patch[k].others.empty()) made.pairs[k].push_back(of_patch[k]);
+    }
+  }
   return made;
 }
 
-/// Exchange areas of one patch with others.
-using Method = std::function<void(const Pairs&, std::vector<double>&)>;
+/// Patches of about unit size at any angle; each set holds one patch and 64 that face it wholly.
+class TurnedPatches {
+ public:
+  Family family() {
+    constexpr std::size_t kSets = 24;
+    std::vector<Polygon> patches;
+    for (std::size_t gap = 0; gap < kGaps.size(); ++gap)
+      for (std::size_t set = 0; set < kSets; ++set) {
+        const Polygon one = shape(set);
+        patches.push_back(one);
+        for (std::size_t k = 0; k < kPairsOfAPatch; ++k) patches.push_back(partner(one, k, gap));
+      }
+    Family made("turned", std::move(patches));
+    for (std::uint32_t i = 0; i < made.batch.size(); i += kPairsOfAPatch + 1) {
+      Pairs set{i, {}, {}};
+      for (std::uint32_t k = 1; k <= kPairsOfAPatch; ++k) made.add(set, i + k);
+      made.pairs[i / (kPairsOfAPatch + 1) / kSets].push_back(std::move(set));
+    }
+    return made;
+  }
 
-void measure(benchmark::State& state, std::size_t set, const Method& method) {
-  const Case& c = the_case();
-  std::vector<double> found(kPairsOfAPatch);
+ private:
+  double between(double low, double high) { return low + (high - low) * unit_(random_); }
+  Vector3d direction() {
+    for (;;) {
+      const double x = between(-1, 1), y = between(-1, 1), z = between(-1, 1);
+      const Vector3d v(x, y, z);
+      if (v.squaredNorm() <= 1 && v.squaredNorm() > 0.01) return v.normalized();
+    }
+  }
+  /// Centre about the origin, area 0.5 to 2.
+  Polygon shape(std::size_t kind) {
+    const Vector3d u = direction(), v = u.cross(direction()).normalized();
+    const double stretch = std::sqrt(between(0.5, 1.5)), skew = between(-0.4, 0.4), lean = between(-0.3, 0.3);
+    const auto at = [&](double s, double t) -> Vector3d { return stretch * s * u + (t / stretch) * (v + skew * u); };
+    Polygon made = kind % 3 == 0   ? test::triangle(at(-0.8, -0.6), at(0.8, -0.6), at(lean, 0.9))
+                   : kind % 3 == 1 ? test::quad(at(-0.5, -0.5), at(0.5, -0.5), at(0.5, 0.5), at(-0.5, 0.5))
+                                   : test::quad(at(-0.5, -0.5), at(0.5, -0.5), at(0.4 + lean / 5, 0.6), at(-0.4, 0.5));
+    const double size = std::sqrt(between(0.5, 2.0) / area(made));
+    for (int k = 0; k < made.corners; ++k) made.corner[static_cast<std::size_t>(k)] *= size;
+    return made;
+  }
+  static double area(const Polygon& p) {
+    double sum = 0.0;
+    for (std::size_t k = 1; k + 1 < static_cast<std::size_t>(p.corners); ++k)
+      sum += (p.corner[k] - p.corner[0]).cross(p.corner[k + 1] - p.corner[0]).norm() / 2;
+    return sum;
+  }
+  static bool in_front(const Polygon& patch, const Polygon& of) {
+    for (int k = 0; k < patch.corners; ++k) {
+      const double height = normal(of).dot(patch.corner[static_cast<std::size_t>(k)] - of.corner[0]);
+      if (height < -1e-12) return false;
+    }
+    return true;
+  }
+  Polygon partner(const Polygon& one, std::size_t kind, std::size_t gap) {
+    for (;;) {
+      Polygon made = shape(kind);
+      Vector3d move = between(std::max(kGapLimits[gap], 1.5), kGapLimits[gap + 1]) * direction();
+      if (gap == 0) move = one.corner[kind % 3] - made.corner[0];  // touching at a corner
+      for (int k = 0; k < made.corners; ++k) made.corner[static_cast<std::size_t>(k)] += move;
+      if (in_front(made, one) && in_front(one, made)) return made;
+    }
+  }
+  std::mt19937_64 random_{2026};
+  std::uniform_real_distribution<double> unit_{0.0, 1.0};
+};
+
+/// What a method has written: values alone, or with their estimates.
+struct Found {
+  std::vector<double> values = std::vector<double>(kPairsOfAPatch);
+  std::vector<FormFactor> results = std::vector<FormFactor>(kPairsOfAPatch);
+  bool with_estimates = false;
+  double value(std::size_t k) const { return with_estimates ? results[k].value : values[k]; }
+};
+
+/// Exchange areas of one patch with others.
+using Method = std::function<void(const Family&, const Pairs&, Found&)>;
+
+void measure(benchmark::State& state, const Family& family, std::size_t gap, const Method& method) {
+  Found found;
   double squares = 0.0;
   double worst = 0.0;
-  for (const Pairs& p : c.pairs[set]) {
-    method(p, found);
+  for (const Pairs& p : family.pairs[gap]) {
+    method(family, p, found);
     for (std::size_t k = 0; k < p.others.size(); ++k) {
-      const double error = std::abs(found[k] - p.exact[k]) / c.batch.area(p.one);
+      const double least_area = family.least_area(p.one, p.others[k]);
+      const double error = std::abs(found.value(k) - p.exact[k]) / least_area;
       if (!std::isfinite(error)) return state.SkipWithError("a value is not finite");
+      if (found.with_estimates && error > found.results[k].error_estimate / least_area + 1e-15)
+        return state.SkipWithError("an error is above its estimate");
       squares += error * error;
       worst = std::max(worst, error);
     }
   }
   for (auto _ : state) {
-    for (const Pairs& p : c.pairs[set]) method(p, found);
-    benchmark::DoNotOptimize(found.data());
+    for (const Pairs& p : family.pairs[gap]) method(family, p, found);
+    benchmark::DoNotOptimize(found.values.data());
+    benchmark::DoNotOptimize(found.results.data());
   }
-  const auto count = static_cast<double>(c.count(set));
+  const auto count = static_cast<double>(family.count(gap));
   state.counters["rms_error"] = std::sqrt(squares / count);
   state.counters["largest_error"] = worst;
   state.counters["seconds_a_pair"] =
@@ -108,51 +198,54 @@ void measure(benchmark::State& state, std::size_t set, const Method& method) {
 }
 
 Method automatic(double tolerance) {
-  return [tolerance](const Pairs& p, std::vector<double>& found) {
-    static thread_local std::vector<FormFactor> results(kPairsOfAPatch);
-    the_case().batch.exchange_areas(p.one, p.others, tolerance, {results.data(), p.others.size()});
-    for (std::size_t k = 0; k < p.others.size(); ++k) found[k] = results[k].value;
+  return [tolerance](const Family& family, const Pairs& p, Found& found) {
+    found.with_estimates = true;
+    family.batch.exchange_areas(p.one, p.others, tolerance, {found.results.data(), p.others.size()});
   };
 }
 
 Method fixed_rule(FixedRule rule) {
-  return [rule](const Pairs& p, std::vector<double>& found) {
-    the_case().batch.exchange_areas_by_rule(p.one, p.others, rule, {found.data(), p.others.size()});
+  return [rule](const Family& family, const Pairs& p, Found& found) {
+    family.batch.exchange_areas_by_rule(p.one, p.others, rule, {found.values.data(), p.others.size()});
   };
 }
 
 Method contour(double tolerance) {
-  return [tolerance](const Pairs& p, std::vector<double>& found) {
-    const Case& c = the_case();
+  return [tolerance](const Family& family, const Pairs& p, Found& found) {
+    found.with_estimates = true;
     for (std::size_t k = 0; k < p.others.size(); ++k) {
-      found[k] = exchange_area(c.patches[p.one], c.patches[p.others[k]], tolerance * c.batch.area(p.one)).value;
+      found.results[k] = exchange_area(family.patches[p.one], family.patches[p.others[k]],
+                                       tolerance * family.least_area(p.one, p.others[k]));
     }
   };
 }
 
 /// cosθ cosθ' / (π r²) at random pairs of points: what a ray caster does where nothing is in the way.
 Method random_lines(int lines) {
-  return [lines](const Pairs& p, std::vector<double>& found) {
-    const Case& c = the_case();
+  return [lines](const Family& family, const Pairs& p, Found& found) {
     std::mt19937_64 random(p.one);
     std::uniform_real_distribution<double> unit(0.0, 1.0);
-    const auto at = [&](const Polygon& q) -> Vector3d {  // squares
-      return q.corner[0] + unit(random) * (q.corner[1] - q.corner[0]) + unit(random) * (q.corner[3] - q.corner[0]);
+    const auto at = [&](const Polygon& q) -> Vector3d {  // a quad is cut along its diagonal
+      const Vector3d diagonal = q.corner[2] - q.corner[0];
+      double u = unit(random), v = unit(random);
+      const double last = q.corners == 3 ? 0.0 : diagonal.cross(q.corner[3] - q.corner[0]).norm();
+      const double first = (q.corner[1] - q.corner[0]).cross(diagonal).norm();
+      const bool in_last = last > 0.0 && unit(random) * (first + last) < last;
+      if (u + v > 1.0) u = 1.0 - u, v = 1.0 - v;
+      return q.corner[0] + u * diagonal + v * (q.corner[in_last ? 3 : 1] - q.corner[0]);
     };
-    const auto normal = [](const Polygon& q) -> Vector3d {
-      return (q.corner[1] - q.corner[0]).cross(q.corner[3] - q.corner[0]).normalized();
-    };
-    const Vector3d n = normal(c.patches[p.one]);
+    const Polygon& one = family.patches[p.one];
+    const Vector3d n = normal(one);
     for (std::size_t k = 0; k < p.others.size(); ++k) {
-      const Polygon& other = c.patches[p.others[k]];
+      const Polygon& other = family.patches[p.others[k]];
       const Vector3d m = normal(other);
       double sum = 0.0;
       for (int line = 0; line < lines; ++line) {
-        const Vector3d d = at(other) - at(c.patches[p.one]);
+        const Vector3d d = at(other) - at(one);
         const double square = d.squaredNorm();
         sum += std::max(0.0, n.dot(d)) * std::max(0.0, -m.dot(d)) / (square * square);
       }
-      found[k] = sum / lines / std::numbers::pi * c.batch.area(p.one) * c.batch.area(p.others[k]);
+      found.values[k] = sum / lines / std::numbers::pi * family.batch.area(p.one) * family.batch.area(p.others[k]);
     }
   };
 }
@@ -207,31 +300,38 @@ class EnvelopeReporter : public benchmark::ConsoleReporter {
   std::map<std::string, Point> points_;
 };
 
-void add(const std::string& method, const std::string& setting, const Method& run) {
-  constexpr std::array<const char*, 3> kSets{"near", "middle", "far"};
-  for (std::size_t set = 0; set < kSets.size(); ++set) {
-    benchmark::RegisterBenchmark((std::string(kSets[set]) + "/" + method + "/" + setting).c_str(),
-                                 [set, run](benchmark::State& state) { measure(state, set, run); })
+void add(const Family& family, const std::string& method, const std::string& setting, const Method& run) {
+  for (std::size_t gap = 0; gap < kGaps.size(); ++gap) {
+    std::string name(family.name);
+    name.append(" ").append(kGaps[gap]).append("/").append(method).append("/").append(setting);
+    benchmark::RegisterBenchmark(name.c_str(),
+                                 [&family, gap, run](benchmark::State& state) { measure(state, family, gap, run); })
         ->Unit(benchmark::kMillisecond)
-        ->MinTime(0.1);
+        ->MinTime(0.05);
   }
+}
+
+void add_all(const Family& family) {
+  for (int digits = 3; digits <= 14; ++digits) {
+    add(family, "automatic", "1e-" + std::to_string(digits), automatic(std::pow(10.0, -digits)));
+    if (digits % 2 == 0)
+      add(family, "contour integral", "1e-" + std::to_string(digits), contour(std::pow(10.0, -digits)));
+  }
+  for (int points = 1; points <= 6; ++points)
+    add(family, "product rule", std::to_string(points), fixed_rule({FixedRule::kProduct, points}));
+  for (int points = 1; points <= 2; ++points)
+    add(family, "centres", std::to_string(points), fixed_rule({FixedRule::kCentres, points}));
+  for (int points : {2, 4, 6, 8, 10, 12, 16, 20, 24})
+    add(family, "edge rule", std::to_string(points), fixed_rule({FixedRule::kEdges, points}));
+  for (int lines = 16; lines <= 4096; lines *= 4)
+    add(family, "random lines", std::to_string(lines), random_lines(lines));
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  for (int digits = 3; digits <= 14; ++digits) {
-    add("automatic", "1e-" + std::to_string(digits), automatic(std::pow(10.0, -digits)));
-    if (digits % 2 == 0) add("contour integral", "1e-" + std::to_string(digits), contour(std::pow(10.0, -digits)));
-  }
-  for (int points = 1; points <= 6; ++points) {
-    add("product rule", std::to_string(points), fixed_rule({FixedRule::kProduct, points}));
-  }
-  for (int points = 1; points <= 2; ++points)
-    add("centres", std::to_string(points), fixed_rule({FixedRule::kCentres, points}));
-  for (int points : {2, 4, 6, 8, 10, 12, 16, 20, 24})
-    add("edge rule", std::to_string(points), fixed_rule({FixedRule::kEdges, points}));
-  for (int lines = 16; lines <= 4096; lines *= 4) add("random lines", std::to_string(lines), random_lines(lines));
+  const std::array<Family, 2> families{cube(), TurnedPatches().family()};
+  for (const Family& family : families) add_all(family);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 2;
   EnvelopeReporter reporter;

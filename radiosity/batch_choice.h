@@ -44,9 +44,9 @@ constexpr auto kGaussError = [] {
   struct Table {
     double at[kMaxEdgePoints / 2 + 1];
     constexpr double operator[](int half) const { return at[half]; }
-  } table{};
-  for (int half = 1; half <= kMaxEdgePoints / 2; ++half) table.at[half] = gauss_error(2 * half);
-  return table;
+  } errors{};
+  for (int half = 1; half <= kMaxEdgePoints / 2; ++half) errors.at[half] = gauss_error(2 * half);
+  return errors;
 }();
 
 /// What bounds the rules of m points on every edge, both patches taken for the one that is worse off

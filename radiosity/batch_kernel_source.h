@@ -169,8 +169,8 @@ void edges(const PatchRecord* const* first, const PatchRecord* const* second, in
 }  // namespace
 
 const Kernels& INTERGLOW_KERNELS() {
-  static constexpr Kernels table{INTERGLOW_KERNEL_NAME, settle, classify, centres, product, edges};
-  return table;
+  static constexpr Kernels kTable{INTERGLOW_KERNEL_NAME, settle, classify, centres, product, edges};
+  return kTable;
 }
 
 }  // namespace interglow::radiosity::batch

@@ -89,19 +89,19 @@ ProductRule make_rule(int m) {
 }
 
 const ProductRule& product_rule(int m) {
-  static const std::array<ProductRule, kMaxOrder + 1> rules = [] {
+  static const std::array<ProductRule, kMaxOrder + 1> kRules = [] {
     std::array<ProductRule, kMaxOrder + 1> made{};
     for (int i = 1; i <= kMaxOrder; ++i) made[i] = make_rule(i);
     return made;
   }();
-  return rules[m];
+  return kRules[m];
 }
 
 using EdgeRules = std::array<EdgeRule, kMaxEdgePoints / 2 + 1>;
 
 /// By half of their points.
 const EdgeRules& edge_rules() {
-  static const EdgeRules rules = [] {
+  static const EdgeRules kRules = [] {
     EdgeRules made{};
     for (int half = 1; half <= kMaxEdgePoints / 2; ++half) {
       const detail::GaussRule& gauss = detail::gauss_legendre(2 * half);  // the positive nodes come first
@@ -113,7 +113,7 @@ const EdgeRules& edge_rules() {
     }
     return made;
   }();
-  return rules;
+  return kRules;
 }
 
 void store(double (&to)[3], const Vector3d& from) {
@@ -207,7 +207,7 @@ PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double
   }
   record.half_edge = longest_edge / 2;
   record.inverse_half_edge = 2 / longest_edge;
-  record.skew = triangle ? 0 : e3.norm() * longest_edge;
+  record.skew = record.parallelogram > 0 ? e3.norm() * longest_edge : 0;
   set_moments(record);
   record.sides = std::sqrt(e1.norm() * e2.norm() * (e1.norm() * e2.norm() + std::abs(e1.dot(e2))));
   record.deviation = 2 * plane.deviation;

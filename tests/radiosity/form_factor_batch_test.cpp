@@ -133,6 +133,27 @@ TEST(FormFactorBatch, ErrorsOfSmallPatchesInALargeSceneStayBelowTheirEstimates) 
   EXPECT_GT(assessment.by_edges, 500);
 }
 
+TEST(FormFactorBatch, PatchesOfAnyShapeThatStandApartTakeNoContour) {
+  // Four diameters apart and more: points on edges meet every tolerance above rounding.
+  std::vector<Polygon> patches;
+  for (int i = 0; i < 2; ++i) {
+    const auto at = [i](double u, double v) -> Vector3d { return i == 0 ? Vector3d(u, v, 0) : Vector3d(v, u, 4); };
+    patches.push_back(test::triangle(at(0, 0), at(1, 0), at(0.2, 0.8)));
+    patches.push_back(test::quad(at(0, 0), at(0.8, 0), at(1, 0.6), at(0.2, 0.6)));
+    patches.push_back(test::quad(at(0, 0), at(1, 0), at(0.8, 0.7), at(0.1, 0.5)));
+  }
+  const FormFactorBatch batch(patches);
+  const std::array<std::uint32_t, 3> others{3, 4, 5};
+  for (std::uint32_t i = 0; i < 3; ++i)
+    for (const double tolerance : {1e-4, 1e-8, 1e-12}) {
+      std::array<FormFactor, 3> results;
+      batch.exchange_areas(i, others, tolerance, results);
+      for (const FormFactor& result : results)
+        EXPECT_THAT(result.method, testing::AnyOf(FormFactorMethod::kFarQuadrature, FormFactorMethod::kEdgeQuadrature))
+            << i << " at " << tolerance;
+    }
+}
+
 void expect_the_same_alone(const std::vector<Polygon>& patches, double tolerance, InstructionSet most) {
   const FormFactorBatch batch(patches, most);
   for (std::uint32_t i = 0; i < patches.size(); ++i) {
