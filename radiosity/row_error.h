@@ -9,23 +9,31 @@
 
 namespace interglow::radiosity {
 
+/// What Student's t with so many degrees of freedom, at least 1, exceeds as seldom as a normal deviate exceeds
+/// `deviations`, by Wallace's (1959) formula.
+inline double student(double deviations, double freedom) {
+  freedom = std::max(1.0, freedom);
+  const double scaled = deviations * (8.0 * freedom + 3.0) / (8.0 * freedom + 1.0);
+  return std::sqrt(freedom * std::expm1(std::min(100.0, scaled * scaled / freedom)));
+}
+
 /// Error of a row of form factors from some of its pairs. Rules may all be wrong in one direction: their bounds add.
-/// Lines are independent from pair to pair: squares add. Each pair is drawn twice, so that the spread of a lattice,
-/// which is far less than that of independent lines, is seen in the difference, surely enough once a row has many
-/// pairs.
+/// Lines are independent from pair to pair: squares add. Each pair is drawn several times, so that the spread of a
+/// lattice, which is far less than that of independent lines, is seen in the differences, surely enough once a row has
+/// many pairs.
 struct RowError {
   int element = 0;
   double bound = 0.0;
-  double variance = 0.0;         ///< as if lines were independent
-  double halves_variance = 0.0;  ///< from the differences of the two draws
-  double halves_squares = 0.0;   ///< Σ over the pairs of its square
-  double in_doubt = 0.0;         ///< squared error that lines that all agree leave open
+  double variance = 0.0;        ///< as if lines were independent
+  double draws_variance = 0.0;  ///< from the differences of the draws
+  double draws_squares = 0.0;   ///< Σ over the pairs of its square over the number of draws + 1
+  double in_doubt = 0.0;        ///< squared error that lines that all agree leave open
 
   void operator+=(const RowError& other) {
     bound += other.bound;
     variance += other.variance;
-    halves_variance += other.halves_variance;
-    halves_squares += other.halves_squares;
+    draws_variance += other.draws_variance;
+    draws_squares += other.draws_squares;
     in_doubt += other.in_doubt;
   }
 
@@ -33,20 +41,17 @@ struct RowError {
   RowError over(double area) const {
     const double square = area * area;
     return {
-        element,          bound / area, variance / square, halves_variance / square, halves_squares / (square * square),
+        element,          bound / area, variance / square, draws_variance / square, draws_squares / (square * square),
         in_doubt / square};
   }
 
   /// What the row's error exceeds as seldom as a normal deviate exceeds `deviations` times its standard deviation. The
-  /// differences of few pairs do not tell their spread well: Student's t with Satterthwaite's degrees of freedom, by
-  /// Wallace's (1959) formula.
+  /// differences of few pairs do not tell their spread well: Student's t with Satterthwaite's degrees of freedom.
   double estimate(double deviations) const {
     const double as_independent = deviations * std::sqrt(variance + in_doubt);
-    if (!(halves_squares > 0.0)) return bound + as_independent;
-    const double freedom = std::max(1.0, 3.0 * halves_variance * halves_variance / halves_squares - 2.0);
-    const double scaled = deviations * (8.0 * freedom + 3.0) / (8.0 * freedom + 1.0);
-    const double student = std::sqrt(freedom * std::expm1(std::min(100.0, scaled * scaled / freedom)));
-    return bound + std::min(as_independent, student * std::sqrt(halves_variance + in_doubt));
+    if (!(draws_squares > 0.0)) return bound + as_independent;
+    const double freedom = draws_variance * draws_variance / draws_squares - 2.0;
+    return bound + std::min(as_independent, student(deviations, freedom) * std::sqrt(draws_variance + in_doubt));
   }
 };
 

@@ -13,29 +13,46 @@
 
 namespace interglow::radiosity {
 
-/// A tile of exchange areas that are unoccluded at first, and what a few lines told of each.
+/// What lines told of a pair.
+struct SampledPair {
+  float share = 0.0F;           ///< of the exchange that is visible
+  float deviation = 0.0F;       ///< of the share from one line, expected
+  float variance = 0.0F;        ///< of the share, as if lines were independent; 1 / LineSums::worth() if they agree
+  float draws_variance = 0.0F;  ///< of the share, from the differences of the draws
+  std::int32_t lines = 0;
+  std::uint8_t draws = 0;
+  std::uint8_t method = 0;  ///< FormFactorMethod of the unoccluded value
+  bool agree = true;        ///< all lines
+};
+
+/// A tile of exchange areas, unoccluded until it is finished.
 struct SampledTile {
   int row_first = 0;  ///< positions in the order of the tree
   int column_first = 0;
   int rows = 0;
   int columns = 0;
-  double* values = nullptr;  ///< exchange areas [mm²]; on the diagonal each pair stands once until it is settled
-  std::vector<std::uint8_t> pilot;   ///< by pair: visible share, in steps of 1 / kPilotScale
-  std::vector<std::uint8_t> method;  ///< by pair: FormFactorMethod of the unoccluded value
+  double* values = nullptr;  ///< exchange areas [mm²]; on the diagonal each pair stands once until the end
+  std::vector<SampledPair> pair;
 };
 
+/// What a row expects of its lines, as form factors.
 struct RowSpread {
   int element;
-  double spread;
+  double deviation;  ///< Σ of the pairs' standard deviations from one line
+  double squares;    ///< Σ of their squares
+  double variance;  ///< Σ of their variances from the lines that were drawn, kOfLattice times that of independent ones
 };
 
-/// Two stages, so that the result has no bias. A few lines a pair, the pilot, only tell how many the pair gets; those
-/// are drawn afresh and make the value, the unoccluded exchange area times the share of them that is seen. No pair goes
-/// without: how many disagree among the pairs whose pilots agreed is part of what is measured.
+/// Lines in stages. A few a pair, the pilot, and more where many are wanted, the survey, only tell how many the pair
+/// gets; those are drawn afresh and make the value, the unoccluded exchange area times the share of them that is seen.
+/// No pair goes without: how many disagree among the pairs that agreed before is part of what is measured.
 class TileSampler {
  public:
   static constexpr int kPilotLines = 4;
-  static constexpr int kPilotScale = 240;
+  /// Of a pair with more than a few lines.
+  static constexpr int kManyDraws = 4;
+  /// Variance of a lattice's lines over that which pilots expect of independent ones, about.
+  static constexpr double kOfLattice = 0.25;
 
   /// Keeps a reference. @pre the problem has occlusion
   explicit TileSampler(const AssemblyProblem& problem)
@@ -44,34 +61,44 @@ class TileSampler {
   /// Draws the pilot of every pair with a value above 0.
   void draw_pilot(SampledTile& tile);
 
-  /// Appends by element the sum of its pairs' expected standard deviations from one line, as form factors.
-  void find_spread(const SampledTile& tile, std::vector<RowSpread>& spread);
-
-  /// Draws n = σ max(lines_per_spread of both elements) lines for every pair, in two halves, σ the exchange area's
-  /// standard deviation from one line, and puts the visible exchange areas in place. Where lines agree throughout, half
-  /// a line of all those of the tile stays in doubt.
+  /// Draws an eighth of n = σ max(lines_per_spread of both elements) lines of every pair that wants many, σ the
+  /// exchange area's standard deviation from one line.
   ///
   /// @param lines_per_spread  by element [1/mm²]
+  void draw_survey(SampledTile& tile, const Eigen::VectorXd& lines_per_spread);
+
+  /// Draws n lines of every pair in place of those that it had, if those were fewer: the first time (round 0) of all.
+  void draw(SampledTile& tile, const Eigen::VectorXd& lines_per_spread, int round);
+
+  void find_spread(const SampledTile& tile, std::vector<RowSpread>& spread) const;
+
+  /// Errors of the tile's rows and columns. Where lines agree throughout, half a line of all those of the tile stays in
+  /// doubt.
+  void find_errors(const SampledTile& tile, std::vector<RowError>& errors) const;
+
+  /// Puts the visible exchange areas in place.
   /// @return false if nothing is seen by anybody
-  bool settle(SampledTile& tile, const Eigen::VectorXd& lines_per_spread, std::vector<RowError>& errors,
-              TransportReport& counts);
+  static bool finish(SampledTile& tile, TransportReport& counts);
 
  private:
-  struct Pair {
-    int at;
-    int i, j;                ///< elements, i < j
-    std::size_t middle = 0;  ///< the two draws' ends among the lines
-    std::size_t end = 0;
+  struct Drawn {
+    std::size_t at;
+    int draws;
   };
   int element(int position) const { return problem_.element(position); }
-  Pair pair_at(const SampledTile& tile, std::size_t at) const;
-  /// By pair: standard deviation of the share from one line, from its own pilot and those of its row and column.
-  void find_deviations(const SampledTile& tile);
+  double wanted(const SampledTile& tile, std::size_t at, const Eigen::VectorXd& lines_per_spread) const;
+  void add(const SampledTile& tile, std::size_t at, std::uint64_t draw, int draws, int lines);
+  /// Traces what was added.
+  void trace(SampledTile& tile);
+  /// Deviations expected after pilot and survey, from a pair's lines and those of its row and column.
+  static void find_deviations(SampledTile& tile);
+  /// Share of a line that stays in doubt where all agree.
+  static double share_in_doubt(const SampledTile& tile);
 
   const AssemblyProblem& problem_;
   LineSampler lines_;
-  std::vector<Pair> pairs_;
-  std::vector<double> deviation_, row_share_, column_share_;
+  std::vector<Drawn> drawn_;
+  std::vector<std::size_t> ends_;  ///< of the draws among the lines
 };
 
 }  // namespace interglow::radiosity

@@ -20,6 +20,7 @@
 #include "radiosity/form_factor.h"
 #include "radiosity/line_sampling.h"
 #include "radiosity/row_error.h"
+#include "radiosity/sampled_rows.h"
 #include "radiosity/sampled_tile.h"
 #include "radiosity/shadow_cells.h"
 
@@ -41,12 +42,6 @@ constexpr std::uint64_t kLonePairs = 2;
 constexpr std::uint64_t kClusterLine = 16;
 /// Lines of a pair past few bodies that the cells give up.
 constexpr int kManyLines = 4096;
-/// Of what a row may be wrong by: the rest is for chance in the spread of lines, which the pilots only guess.
-constexpr double kPlanned = 0.9;
-/// Variance of a lattice's lines over that which pilots expect of independent ones, about.
-constexpr double kOfLattice = 0.25;
-/// However much the rules may be wrong by, this share of the tolerance is left to lines.
-constexpr double kLeastForLines = 0.25;
 
 struct NodePair {
   int a;
@@ -89,7 +84,6 @@ class Descent {
   TransportReport counts;
   std::vector<RowError> row_errors;
   std::vector<SampledTile> sampled;
-  std::vector<RowSpread> spread;  ///< of the sampled tiles
 
  private:
   /// A pair of a tile that blockers may reach.
@@ -190,9 +184,10 @@ class Descent {
     chunk.tiles.push_back({problem_.tile_of_node[static_cast<std::size_t>(a)],
                            problem_.tile_of_node[static_cast<std::size_t>(b)], tile_values});
     if (!sampled_) return;
-    SampledTile tile{row_first_, column_first_, rows_, columns_, tile_values, {}, std::move(methods_)};
+    SampledTile tile{row_first_, column_first_, rows_, columns_, tile_values, {}};
+    tile.pair.resize(methods_.size());
+    for (std::size_t at = 0; at < methods_.size(); ++at) tile.pair[at].method = methods_[at];
     sampler_->draw_pilot(tile);
-    sampler_->find_spread(tile, spread);
     sampled.push_back(std::move(tile));
   }
 
@@ -338,8 +333,8 @@ class Descent {
     exchange.error_estimate = whole.error_estimate;
     RowError error;
     error.variance = variance * whole.value * whole.value;
-    error.halves_variance = error.variance;
-    error.halves_squares = error.variance * error.variance;
+    error.draws_variance = error.variance;
+    error.draws_squares = error.variance * error.variance / 3.0;
     of_rows_[static_cast<std::size_t>(pair.row)] += error;
     of_columns_[static_cast<std::size_t>(pair.column)] += error;
   }
@@ -420,14 +415,10 @@ bool Descent::hidden_by_lines(int a, int b) {
   return true;
 }
 
-/// Draws the lines of a task's sampled tiles; tiles that turn out dark are given up.
-void settle(const AssemblyProblem& problem, const Progress& stop, const Eigen::VectorXd& lines_per_spread,
-            std::vector<SampledTile>& tiles, TileMatrix::Chunk& chunk, TransportReport& counts,
-            std::vector<RowError>& row_errors) {
-  TileSampler sampler(problem);
+/// Puts what is visible in place; tiles that turn out dark are given up.
+void finish(std::vector<SampledTile>& tiles, TileMatrix::Chunk& chunk, TransportReport& counts) {
   for (SampledTile& tile : tiles) {
-    stop.update("shadows", 0.0);
-    if (!sampler.settle(tile, lines_per_spread, row_errors, counts)) {
+    if (!TileSampler::finish(tile, counts)) {
       std::erase_if(chunk.tiles, [&](const TileMatrix::Tile& each) { return each.value == tile.values; });
       std::erase_if(chunk.values, [&](const std::vector<double>& values) { return values.data() == tile.values; });
     }
@@ -486,11 +477,9 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
   std::vector<TransportReport> counts(tasks.size());
   std::vector<std::vector<RowError>> row_errors(tasks.size());
   std::vector<std::vector<SampledTile>> sampled(tasks.size());
-  std::vector<std::vector<RowSpread>> spread(tasks.size());
   std::atomic<std::size_t> done = 0;
   const Progress stop{.report = {}, .cancelled = progress.cancelled};
   // Tasks near contacts are by far the longest, and stand together.
-  const tbb::simple_partitioner one_by_one;
   tbb::parallel_for(
       std::size_t{0}, tasks.size(),
       [&](std::size_t t) {
@@ -500,40 +489,15 @@ Assembly assemble(const Elements& elements, const TransportParams& params, const
         counts[t] = descent.counts;
         row_errors[t] = std::move(descent.row_errors);
         sampled[t] = std::move(descent.sampled);
-        spread[t] = std::move(descent.spread);
         progress.update("form factors", static_cast<double>(++done) / static_cast<double>(tasks.size()));
       },
-      one_by_one);
+      tbb::simple_partitioner());
   std::vector<RowError> of_rows(static_cast<std::size_t>(n));
-  const auto collect_errors = [&] {
-    for (std::vector<RowError>& list : row_errors) {
-      for (const RowError& error : list) of_rows[static_cast<std::size_t>(error.element)] += error;
-      list.clear();
-    }
-  };
-  collect_errors();
-  // n lines leave σ / √n of a pair: for a given Σ σ² / n of a row Σ n is least where n is proportional to σ.
-  Eigen::VectorXd lines_per_spread = Eigen::VectorXd::Zero(n);
-  for (const std::vector<RowSpread>& list : spread) {
-    for (const auto& [element, sum] : list) lines_per_spread[element] += sum;
+  for (std::vector<RowError>& list : row_errors) {
+    for (const RowError& error : list) of_rows[static_cast<std::size_t>(error.element)] += error;
   }
-  for (Eigen::Index e = 0; e < n; ++e) {
-    const RowError& rules = of_rows[static_cast<std::size_t>(e)];
-    const double allowed =
-        std::max(kLeastForLines * params.tolerance, kPlanned * params.tolerance - rules.bound) / problem.deviations;
-    lines_per_spread[e] *=
-        kOfLattice / (elements.area_mm2[e] * std::max(0.25 * allowed * allowed, allowed * allowed - rules.variance));
-  }
-  done = 0;
-  tbb::parallel_for(
-      std::size_t{0}, tasks.size(),
-      [&](std::size_t t) {
-        if (!sampled[t].empty())
-          settle(problem, stop, lines_per_spread, sampled[t], chunks[t], counts[t], row_errors[t]);
-        progress.update("shadows", static_cast<double>(++done) / static_cast<double>(tasks.size()));
-      },
-      one_by_one);
-  collect_errors();
+  of_rows = draw_lines(problem, sampled, of_rows, progress);
+  for (std::size_t t = 0; t < tasks.size(); ++t) finish(sampled[t], chunks[t], counts[t]);
   for (const TransportReport& count : counts) {
     assembly.report.facing_pairs += count.facing_pairs;
     assembly.report.partially_visible_pairs += count.partially_visible_pairs;
