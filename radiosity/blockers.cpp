@@ -3,7 +3,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <map>
@@ -40,16 +40,52 @@ struct Surface {
   std::map<std::pair<int, int>, int> left_of;
 };
 
-Surface weld(const Faces& faces, std::size_t first, std::size_t last) {
+/// Numbers points; those within `flat` of an earlier one along every axis get its number: turned faces that were made
+/// one by one differ by rounding where they meet.
+class Welder {
+ public:
+  explicit Welder(double flat) : flat_(flat), cell_(4.0 * flat) {}
+
+  int number(const Vector3d& p, std::vector<Vector3d>& points) {
+    const Vector3d low = ((p.array() - flat_) / cell_).floor();
+    const Vector3d high = ((p.array() + flat_) / cell_).floor();
+    for (double x = low.x(); x <= high.x(); ++x) {
+      for (double y = low.y(); y <= high.y(); ++y) {
+        for (double z = low.z(); z <= high.z(); ++z) {
+          const auto [first, last] = at_.equal_range(hash(x, y, z));
+          for (auto it = first; it != last; ++it) {
+            if ((points[static_cast<std::size_t>(it->second)] - p).cwiseAbs().maxCoeff() <= flat_) return it->second;
+          }
+        }
+      }
+    }
+    const Vector3d own = (p.array() / cell_).floor();
+    at_.emplace(hash(own.x(), own.y(), own.z()), static_cast<int>(points.size()));
+    points.push_back(p);
+    return static_cast<int>(points.size()) - 1;
+  }
+
+ private:
+  static std::uint64_t hash(double x, double y, double z) {
+    std::uint64_t sum = 0;
+    for (const double v : {x, y, z})
+      sum = (sum ^ std::bit_cast<std::uint64_t>(v + 0.0)) * 0x9e3779b97f4a7c15u + (sum >> 31);
+    return sum;
+  }
+
+  double flat_;
+  double cell_;
+  std::unordered_multimap<std::uint64_t, int> at_;
+};
+
+Surface weld(const Faces& faces, std::size_t first, std::size_t last, double flat) {
   Surface surface;
-  std::map<std::array<double, 3>, int> number;
+  Welder welder(flat);
   for (std::size_t f = first; f < last; ++f) {
     Loop loop;
     for (int k = 0; k < mesh::corner_count(faces.corners[f]); ++k) {
       const Vector3d& p = faces.points[static_cast<std::size_t>(faces.corners[f][static_cast<std::size_t>(k)])];
-      const auto [it, added] = number.try_emplace({p.x(), p.y(), p.z()}, static_cast<int>(surface.point.size()));
-      if (added) surface.point.push_back(p);
-      loop.push_back(it->second);
+      loop.push_back(welder.number(p, surface.point));
     }
     Vector3d area = Vector3d::Zero();
     double size = 0.0;
@@ -302,7 +338,7 @@ Blockers make_blockers(const Elements& elements, double flat) {
   for (std::size_t first = 0; first < faces.object.size();) {
     std::size_t last = first;
     while (last < faces.object.size() && faces.object[last] == faces.object[first]) ++last;
-    const Surface surface = weld(faces, first, last);
+    const Surface surface = weld(faces, first, last, flat);
     const Merged merged = merge_coplanar(surface);
     const auto outline_points = [&](const Loop& loop) {
       std::vector<Vector3d> points;

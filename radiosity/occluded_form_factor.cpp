@@ -286,10 +286,14 @@ std::vector<Outline> cut_at(const Outline& whole, const std::vector<Plane>& plan
     if (cells.size() > kMostCells) break;
     next.clear();
     const Plane reversed{-plane.normal, -plane.offset};
-    for (const Outline& cell : cells) {
-      for (const Plane& side : {plane, reversed}) {
-        Outline part = above(cell, side, flat);
-        if (!part.empty()) next.push_back(std::move(part));
+    for (Outline& cell : cells) {
+      Outline front = above(cell, plane, flat);
+      Outline behind = above(cell, reversed, flat);
+      if (front.empty() || behind.empty()) {
+        next.push_back(std::move(cell));  // on one side, or within the plane
+      } else {
+        next.push_back(std::move(front));
+        next.push_back(std::move(behind));
       }
     }
     cells.swap(next);

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -23,9 +24,10 @@ struct ShadowResult {
 ///
 /// In the outer patch's plane the shadows of a body's silhouette, thrown by the source's corners, are segments. The
 /// patch is cut along those that cross it; within each cell the seen outline keeps its structure, so the integrand is
-/// analytic and a rule of low degree is enough. At a point the source is clipped by the cones of the bodies'
-/// silhouettes and Lambert's formula summed over what is hidden; overlapping shadows count once. Holds only memory to
-/// work in: use one a thread.
+/// analytic and a rule of low degree is enough. Only where shadows of two bodies cross does it change on curves that
+/// are not cut at: the outlines seen from the points of the rule and from a cell's corners are compared, and cells in
+/// which they differ are halved. At a point the source is clipped by the cones of the bodies' silhouettes and Lambert's
+/// formula summed over what is hidden; overlapping shadows count once. Holds only memory to work in: use one a thread.
 class ShadowCells {
  public:
   /// @param tolerance  wanted absolute error of `hidden`
@@ -67,11 +69,18 @@ class ShadowCells {
   static void cut_body(LocalBody& body, const Eigen::Vector3d& normal, double offset, double flat);
   void add_events(const LocalBody& body);
   void add_line(const Eigen::Vector2d& a, const Eigen::Vector2d& b);
-  void cut_cells(const Eigen::Vector3d& line);
+  void cut_cells(const Eigen::Vector3d& line, const Eigen::Vector2d& a, const Eigen::Vector2d& b);
   void find_silhouettes(const Eigen::Vector2d& position);
+  /// What a point of the outer patch sees.
+  struct Look {
+    double hidden = 0.0;        ///< configuration factor of what is hidden
+    std::uint64_t outline = 0;  ///< tells outlines of what is hidden that differ in structure
+    int bodies = 0;             ///< that hide something
+    bool covered = false;
+  };
   void evaluate(Cell& cell);
-  double hidden_at(const Eigen::Vector2d& point, bool& covered);
-  double uncovered(const Outline& part, int bodies);
+  Look look(const Eigen::Vector2d& point);
+  double uncovered(const Outline& part, int bodies, std::uint64_t& outline);
   bool cone_at(LocalBody& body, const Eigen::Vector3d& point);
 
   std::vector<LocalBody> bodies_;
@@ -82,7 +91,7 @@ class ShadowCells {
   Cell patch_;
   Eigen::Vector2d patch_low_, patch_high_;
   double small_ = 0.0;  ///< what a cell hides, if less than this, is taken from its middle alone
-  std::vector<Cell> cells_, next_;
+  std::vector<Cell> cells_;
 };
 
 }  // namespace interglow::radiosity

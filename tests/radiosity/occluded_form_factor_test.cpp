@@ -98,6 +98,14 @@ TEST(OccludedFormFactor, OccludersThatOnlyTouchThePatchesHideNothing) {
   EXPECT_EQ(form_factor(floor, ceiling, neighbours, 1e-6).value, form_factor(floor, ceiling, 1e-7).value);
 }
 
+TEST(OccludedFormFactor, OccludersThatStandInThePatchesPlaneMayHideNothing) {
+  // Both planes cross the patches, so that both are asked; an edge of one and a corner of the other span the floor.
+  const std::vector<Polygon> walls = {quad({0.5, 3, 0}, {0.5, 4, 0}, {0.5, 4, 0.5}, {0.5, 3, 0.5}),
+                                      quad({3, 0.4, 0}, {4, 0.4, 0}, {4, 0.4, 0.5}, {3, 0.4, 0.5})};
+  const double expected = form_factor(unit_square(0, true), unit_square(1, false)).value;
+  EXPECT_NEAR(form_factor(unit_square(0, true), unit_square(1, false), walls, 1e-6).value, expected, 1e-6);
+}
+
 TEST(OccludedFormFactor, AnOccluderThatCrossesThePatchesSplitsThem) {
   // A wall at x = 1/2 from floor to ceiling leaves two halves that see only their own side.
   const std::vector<Polygon> wall = {quad({0.5, -1, -1}, {0.5, 2, -1}, {0.5, 2, 2}, {0.5, -1, 2})};
