@@ -35,7 +35,8 @@ StageTimes::Stopwatch::~Stopwatch() {
 }
 
 double StageTimes::total_wall_s() const {
-  return std::accumulate(stages_.begin(), stages_.end(), 0.0, [](double sum, const Stage& s) { return sum + s.wall_s; });
+  return std::accumulate(stages_.begin(), stages_.end(), 0.0,
+                         [](double sum, const Stage& s) { return sum + s.wall_s; });
 }
 
 double StageTimes::total_processor_s() const {
@@ -65,6 +66,12 @@ RunOutcome run_scene(const scene::SceneDescription& description, const Progress&
     return radiosity::Transport::build(black, transport_params, progress);
   });
   outcome.transport = transport.report();
+  if (outcome.transport.error_estimate_max > solve.form_factor_tolerance) {
+    outcome.built.warnings.push_back(fmt::format(
+        "form_factor_tolerance: {:g} was not met everywhere: the estimated error of a row of form factors is "
+        "{:.2g} at most.",
+        solve.form_factor_tolerance, outcome.transport.error_estimate_max));
+  }
 
   const auto direct = times.measure("direct_light", [&] {
     const auto terms = radiosity::direct_light(scene, elements, transport, progress);

@@ -19,6 +19,9 @@ std::uint64_t mixed(std::uint64_t x) {
   return x ^ (x >> 31);
 }
 
+/// Patches whose centres are nearer than so many times the sum of their radii are seen under angles.
+constexpr double kNear = 1.0;
+
 /// Points of a patch by two numbers in [0, 1), with the Jacobian over the area.
 class Points {
  public:
@@ -48,6 +51,54 @@ class Points {
   Vector3d origin_, u_, v_, uv_ = Vector3d::Zero();
   double area_;
 };
+
+/// Directions from a point to a triangle, uniform in solid angle (Arvo 1995).
+class Directions {
+ public:
+  Directions(const Vector3d& point, const Vector3d& a, const Vector3d& b, const Vector3d& c)
+      : a_((a - point).stableNormalized()), b_((b - point).stableNormalized()), c_((c - point).stableNormalized()) {
+    const Vector3d ab = a_.cross(b_);
+    const double volume = std::abs(ab.dot(c_));
+    solid_angle_ = 2.0 * std::atan2(volume, 1.0 + a_.dot(b_) + b_.dot(c_) + c_.dot(a_));
+    const Vector3d ac = a_.cross(c_);
+    const double sine = ab.cross(ac).norm();
+    const double cosine = ab.dot(ac);
+    const double length = std::hypot(sine, cosine);
+    if (!(length > 0.0 && volume > 0.0)) solid_angle_ = 0.0;
+    sine_ = sine / length;
+    cosine_ = cosine / length;
+  }
+
+  double solid_angle() const { return solid_angle_; }
+
+  /// @param area, height  in [0, 1)
+  Vector3d at(double area, double height) const {
+    // cos and sin of the partial triangle's area less the angle at a.
+    const double part = area * solid_angle_;
+    const double s = std::sin(part) * cosine_ - std::cos(part) * sine_;
+    const double t = std::cos(part) * cosine_ + std::sin(part) * sine_;
+    const double u = t - cosine_;
+    const double v = s + sine_ * a_.dot(b_);
+    const double below = (v * s + u * t) * sine_;
+    const double q = below != 0.0 ? std::clamp(((v * t - u * s) * cosine_ - v) / below, -1.0, 1.0) : 1.0;
+    const Vector3d corner = q * a_ + std::sqrt(1.0 - q * q) * (c_ - c_.dot(a_) * a_).stableNormalized();
+    const double z = 1.0 - height * (1.0 - corner.dot(b_));
+    return z * b_ + std::sqrt(std::max(0.0, 1.0 - z * z)) * (corner - corner.dot(b_) * b_).stableNormalized();
+  }
+
+ private:
+  Vector3d a_, b_, c_;
+  double solid_angle_ = 0.0;
+  double sine_ = 0.0;  ///< of the angle at a
+  double cosine_ = 1.0;
+};
+
+double radius(const Polygon& polygon, const Vector3d& centre) {
+  double squared = 0.0;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(polygon.corners); ++k)
+    squared = std::max(squared, (polygon.corner[k] - centre).squaredNorm());
+  return std::sqrt(squared);
+}
 
 }  // namespace
 
@@ -84,8 +135,15 @@ int LineSampler::add(int i, int j, std::uint64_t draw, int count) {
     seed = mixed(seed);
     each = static_cast<double>(seed >> 11) * 0x1p-53;
   }
+  const Vector3d centre_i = elements_.centroid.row(i).transpose();
+  const Vector3d centre_j = elements_.centroid.row(j).transpose();
+  const bool near =
+      (centre_j - centre_i).norm() < kNear * (radius(tree_.polygon(i), centre_i) + radius(tree_.polygon(j), centre_j));
+  // Near by, the larger patch is seen from the smaller one under an angle that varies less than the squared distance.
+  if (near && elements_.area_mm2[j] < elements_.area_mm2[i]) std::swap(i, j);
   const Points from(tree_.polygon(i), elements_.area_mm2[i]);
   const Points to(tree_.polygon(j), elements_.area_mm2[j]);
+  const Polygon& source = tree_.polygon(j);
   const Vector3d normal_i = elements_.normal.row(i).transpose();
   const Vector3d normal_j = elements_.normal.row(j).transpose();
   const int face_i = elements_.face[static_cast<std::size_t>(i)];
@@ -93,21 +151,46 @@ int LineSampler::add(int i, int j, std::uint64_t draw, int count) {
   int found = 0;
   // How often is tried depends on the shapes alone, not on what is seen.
   for (int tries = 2 * count + 8; found < count && tries > 0; --tries) {
-    double density_i = 0.0;
-    double density_j = 0.0;
-    const Vector3d p = from.at(x[0], x[1], density_i);
-    const Vector3d q = to.at(x[2], x[3], density_j);
+    const std::array<double, 4> u = x;
     for (std::size_t k = 0; k < 4; ++k) {
       x[k] += kStep[k];
       if (x[k] >= 1.0) x[k] -= 1.0;
     }
-    const Vector3d line = q - p;
-    const double out = normal_i.dot(line);
-    const double in = -normal_j.dot(line);
-    if (!(out > 0.0 && in > 0.0)) continue;
-    const double squared = line.squaredNorm();
-    weights_.push_back(density_i * density_j * out * in / (squared * squared));
-    segments_.push_back({p, q, face_i, face_j});
+    double density_i = 0.0;
+    double density_j = 0.0;
+    const Vector3d p = from.at(u[0], u[1], density_i);
+    Vector3d line;
+    double weight = 0.0;
+    if (near) {
+      const double height = normal_j.dot(p - source.corner[0]);
+      if (!(height > 0.0)) continue;
+      const Directions one(p, source.corner[0], source.corner[1], source.corner[2]);
+      double whole = one.solid_angle();
+      double area = u[2];
+      Vector3d direction;
+      if (source.corners == 3) {
+        direction = one.at(area, u[3]);
+      } else {
+        const Directions two(p, source.corner[0], source.corner[2], source.corner[3]);
+        whole += two.solid_angle();
+        area *= whole;
+        direction = area < one.solid_angle() ? one.at(area / one.solid_angle(), u[3])
+                                             : two.at((area - one.solid_angle()) / two.solid_angle(), u[3]);
+      }
+      const double in = -normal_j.dot(direction);
+      weight = density_i * whole * normal_i.dot(direction);
+      if (!(weight > 0.0 && in > 0.0)) continue;
+      line = height / in * direction;
+    } else {
+      line = to.at(u[2], u[3], density_j) - p;
+      const double out = normal_i.dot(line);
+      const double in = -normal_j.dot(line);
+      if (!(out > 0.0 && in > 0.0)) continue;
+      const double squared = line.squaredNorm();
+      weight = density_i * density_j * out * in / (squared * squared);
+    }
+    weights_.push_back(weight);
+    segments_.push_back({p, p + line, face_i, face_j});
     ++found;
   }
   return found;

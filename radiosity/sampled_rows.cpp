@@ -13,7 +13,7 @@ namespace {
 /// Of what a row may be wrong by: the rest is for chance in the spread of lines, which is only guessed beforehand.
 constexpr double kPlanned = 0.9;
 /// Of that again the first round is planned with, so that few rows are drawn twice.
-constexpr double kFirst = 0.75;
+constexpr double kFirst = 0.8;
 /// However much the rules may be wrong by, this share of the tolerance is left to lines.
 constexpr double kLeastForLines = 0.25;
 /// After the first.
@@ -70,9 +70,8 @@ class Rows {
     Eigen::VectorXd lines = sum_of(&RowSpread::deviation);
     const Eigen::VectorXd variance = sum_of(&RowSpread::variance);
     for (Eigen::Index e = 0; e < lines.size(); ++e) {
-      const RowError& error = errors[static_cast<std::size_t>(e)];
-      const double estimate = error.estimate(problem_.deviations);
-      const double less = for_lines(e) / (estimate - error.bound);
+      const double estimate = errors[static_cast<std::size_t>(e)].estimate(problem_.deviations);
+      const double less = for_lines(e) / (estimate - rules_[static_cast<std::size_t>(e)].bound);
       if (estimate > problem_.params.tolerance && less < 1.0 && variance[e] > 0.0)
         lines[e] *= TileSampler::kOfLattice / (problem_.elements.area_mm2[e] * less * less * variance[e]);
       else

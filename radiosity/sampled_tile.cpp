@@ -111,7 +111,8 @@ void TileSampler::draw(SampledTile& tile, const Eigen::VectorXd& lines_per_sprea
   for (SampledPair& pair : tile.pair) {
     const double variance =
         pair.agree ? in_doubt * pair.variance : std::max<double>(pair.variance, pair.draws_variance / kOfLattice);
-    pair.deviation = static_cast<float>(std::sqrt(pair.lines * variance));
+    // Without a line that carries something anything is possible.
+    pair.deviation = pair.lines > 0 ? static_cast<float>(std::sqrt(pair.lines * variance)) : 0.5F;
   }
 }
 
