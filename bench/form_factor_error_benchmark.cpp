@@ -319,7 +319,7 @@ void add_all(const Family& family) {
   }
   for (int points = 1; points <= 6; ++points)
     add(family, "product rule", std::to_string(points), fixed_rule({FixedRule::kProduct, points}));
-  for (int points = 1; points <= 2; ++points)
+  for (int points = 1; points <= 3; ++points)
     add(family, "centres", std::to_string(points), fixed_rule({FixedRule::kCentres, points}));
   for (int points : {2, 4, 6, 8, 10, 12, 16, 20, 24})
     add(family, "edge rule", std::to_string(points), fixed_rule({FixedRule::kEdges, points}));

@@ -30,32 +30,26 @@ struct Extent {
   }
 };
 
-constexpr double gauss_error(int points) {  // of x^2m by m points on [-1, 1], over the length
-  double error = 1.0 / (2 * points + 1);
-  for (int k = 1; k <= points; ++k) error *= 4.0 * k * k / (double(points + k) * (points + k));
-  return error;
-}
-
 constexpr int kLoosePoints = 12;        ///< up to as many it does not pay to sharpen the bound
-constexpr double kHopefulShare = 0.3;   ///< of a far bound, that sharper distances and directions may leave
 constexpr double kEdgeRoundings = 4.0;  ///< of the squared distances that may gather in their mean logarithm
 
-constexpr auto kGaussError = [] {
-  struct Table {
-    double at[kMaxEdgePoints / 2 + 1];
-    constexpr double operator[](int half) const { return at[half]; }
-  } errors{};
-  for (int half = 1; half <= kMaxEdgePoints / 2; ++half) errors.at[half] = gauss_error(2 * half);
-  return errors;
-}();
+/// Σ_{k >= 2m} of |k-th Taylor coefficient| times the rule's error of x^k, over q^m, of coefficients (k + 1) q^(k/2)
+/// (`growing`) or q^(k/2): orders 2m ... 2m + 6 by their errors, then errors of at most 1/(k + 1).
+/// @param tail  1 / (1 - q) or more
+inline Real taylor_error(const EdgeRule& rule, bool growing, Real q, Real tail) {
+  const int k = 4 * rule.half;
+  Real sum = growing ? tail : tail * (1.0 / (k + 2 * kErrors + 1));
+  for (int j = kErrors - 1; j >= 0; --j) sum = sum * q + rule.error[j] * (growing ? k + 2 * j + 1 : 1);
+  return sum;
+}
 
 /// What bounds the rules of m points on every edge, both patches taken for the one that is worse off
 /// (docs/form-factors.md):
 ///   near  coupling (1 + 1/(4m² - 1)) / m 2 ρ^-2m / (1 - ρ^-2), whichever edges these are,
-///   far   for parallelograms, whose opposite edges cancel, turned 2 q^m ((2m + 1) e + q / (1 - q)) / D²,
-///         else swept q^m (e + q / ((2m + 3) (1 - q))) / D and the error of errors,
+///   far   for parallelograms, whose opposite edges cancel, turned 2 q^m E / D², else swept q^m E' / D and the error
+///         of errors,
 /// with D the distance of the middles of a patch's edges from the other patch, q the square of the longest half edge
-/// over D, ρ the ellipse that this leaves free of singularities, and e = gauss_error(m).
+/// over D, ρ the ellipse that this leaves free of singularities, and E, E' of `taylor_error`.
 struct EdgeBounds {
   Real coupling, turned;  ///< Σ |e·f| / 2π over all edges; the same over sides, times the other sides' lengths
   Real swept;             ///< perimeter times the other's area / 2π, of both
@@ -66,7 +60,8 @@ struct EdgeBounds {
 };
 
 /// Least number m of points on every edge that meets `limit`, as kEdges + m, and the bound; kContour where none does.
-inline void choose_edges(const EdgeBounds& of, Real limit, Mask asked, Real& choice, Real& bound) {
+inline void choose_edges(const EdgeBounds& of, Real limit, Mask asked, const EdgeRule* edge_rules, Real& choice,
+                         Real& bound) {
   const double none = 1e300;
   const Real near_ratio = max(of.near_ratio, splat(1.01));
   const Real squared_rho = 2.0 * near_ratio - 1.0 + 2.0 * square_root(near_ratio * (near_ratio - 1.0));
@@ -74,7 +69,7 @@ inline void choose_edges(const EdgeBounds& of, Real limit, Mask asked, Real& cho
   const Real step_near = square_of((squared_rho - 1.0) * inverse);
   Real near = of.near_ratio > 1.01 ? 2.0 * of.coupling * (squared_rho * squared_rho) * inverse : splat(none);
   const Real ratio = max(of.ratio, splat(1.5)), inverse_ratios = 1.0 / (ratio * (ratio - 1.0));
-  const Real q = (ratio - 1.0) * inverse_ratios, tail = ratio * inverse_ratios, step_far = q * q;
+  const Real q = (ratio - 1.0) * inverse_ratios, tail = (ratio * ratio) * inverse_ratios, step_far = q * q;
   const Real closeness = 1.0 / max(of.distance, splat(1e-100));
   Real far = of.parallelograms ? 2.0 * of.turned * closeness * closeness : of.swept * closeness;
   far = of.ratio > 1.5 ? far : splat(none);
@@ -94,11 +89,10 @@ inline void choose_edges(const EdgeBounds& of, Real limit, Mask asked, Real& cho
     far *= step_far;
     squared *= step_both;
     if (half > 6 && half % 2 != 0) continue;
-    const double e = kGaussError[half];
-    Real far_left = far * ((2 * m + 1) * e + tail);
+    Real far_left = far * taylor_error(edge_rules[half], true, q, tail);
     if (any_other) {
-      const Real swept_left =
-          far * (e + tail * (1.0 / (2 * m + 3))) + squared * (1.0 / (4.0 * m * (2 * m + 1) * (2 * m + 1)));
+      const Real swept_left = far * taylor_error(edge_rules[half], false, q, tail) +
+                              squared * (1.0 / (4.0 * m * (2 * m + 1) * (2 * m + 1)));
       far_left = of.parallelograms ? far_left : swept_left;
     }
     const Real left = min((1 + 1.0 / (4.0 * m * m - 1)) / m * near, far_left);
@@ -139,25 +133,30 @@ struct EdgeDistances {
 };
 
 /// Bounds of the rules without points on edges. |k-th Taylor coefficient of the kernel| <= (k + 1) / (π r^(k + 2)):
-/// what begins with order k = 2, 4 and moves by at most R leaves (k + 1) mean|δ|^k / (π r^k (r - R)²), δ the move of
-/// one patch less that of the other.
+/// what begins with order k = 2, 4 and moves by at most R leaves (k + 1) mean|δ|^k / (π r^(k+2)) times 1 / (1 - x)²,
+/// x = R / r, or (1 - (k - 1) / (k + 1) x²) / (1 - x²)² where odd orders vanish; δ the move of one patch less that of
+/// the other.
 struct CentreBounds {
   Real by_centres, by_moments;
-  CentreBounds(const CentreLine& line, Real distance, Real inverse_gap, Real area, Real second, Real fourth,
-               Real third) {
+  CentreBounds(const CentreLine& line, Real distance, Real radii, Real area, Real second, Real fourth, Real third,
+               Mask symmetric) {
     const Real inverse = line.inverse_square, inverse_fourth = inverse * inverse;
-    const Real tail = area * (1 / kPi) * inverse * square_of(inverse_gap);
+    const Real far = square_of(radii) * inverse;
+    const Real series = square_of(1.0 / (symmetric ? 1.0 - far : 1.0 - radii * (distance * inverse)));
+    const Real in_second = symmetric ? 1.0 - (1.0 / 3) * far : splat(1),
+               in_fourth = symmetric ? 1.0 - 0.6 * far : splat(1);
+    const Real tail = area * (1 / kPi) * inverse_fourth * series;
     const Real rounding =
         area * (1 / kPi) * kEpsilon * inverse_fourth *
         (8.0 * (line.height_a + line.height_b) + 32.0 * line.height_a * line.height_b * (1.0 + distance * inverse));
-    by_centres = 3.0 * second * tail + rounding;
-    by_moments =
-        5.0 * fourth * tail * inverse + 4 / kPi * area * third * inverse_fourth * distance * inverse + rounding;
+    by_centres = 3.0 * second * in_second * tail + rounding;
+    by_moments = 5.0 * fourth * in_fourth * tail * inverse +
+                 4 / kPi * area * third * inverse_fourth * distance * inverse + rounding;
   }
 };
 
 void classify(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
-              std::int32_t* choices, double* bounds_found) {
+              const EdgeRule* edge_rules, std::int32_t* choices, double* bounds_found) {
   for (int start = 0; start < count; start += kLanes) {
     const int lanes_used = count - start < kLanes ? count - start : kLanes;
     const Lanes first_lanes(first + start, lanes_used), second_lanes(second + start, lanes_used);
@@ -171,7 +170,7 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
     const Real reach = distance + radii;
     const Real open_a = kSideRounding + shape_a.deviation + shape_a.lever * reach,
                open_b = kSideRounding + shape_b.deviation + shape_b.lever * reach;
-    const Mask regular_a = sizes_a.parallelogram > 0, regular_b = sizes_b.parallelogram > 0;
+    const Mask regular_a = sizes_a.parallelogram, regular_b = sizes_b.parallelogram;
     const bool general_a = any(~regular_a), general_b = any(~regular_b);
     const Extent over_b(shape_a, b.normal, line.height_a, a.centre, regular_a, general_a),
         over_a(shape_b, a.normal, line.height_b, b.centre, regular_b, general_b);
@@ -187,9 +186,9 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
     const Extent along_a(shape_a, way, splat(0), a.centre, regular_a, general_a),
         along_b(shape_b, way, distance, b.centre, regular_b, general_b);
     const Real gap = max(along_b.low - along_a.high, max(over_a.low, over_b.low));
-    const CentreBounds centre_bounds(line, distance, 1.0 / (distance - radii), area, sizes_a.second + sizes_b.second,
+    const CentreBounds centre_bounds(line, distance, radii, area, sizes_a.second + sizes_b.second,
                                      (sizes_a.fourth + sizes_b.fourth) + 6.0 * (sizes_a.second * sizes_b.second),
-                                     shape_a.third + shape_b.third);
+                                     shape_a.third + shape_b.third, regular_a & regular_b);
     const Mask apart = in_front & (distance > radii);
     const Mask centres = apart & (centre_bounds.by_centres <= limit),
                moments = apart & (centre_bounds.by_moments <= limit) & ~centres;
@@ -221,7 +220,7 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
       Real least = max(gap, max(distance_a - sizes_a.half_edge, distance_b - sizes_b.half_edge));
       Real rounding = rounding_at(least);
       Real by_edges, edge_bound;
-      choose_edges(bounds, limit - rounding, asked, by_edges, edge_bound);
+      choose_edges(bounds, limit - rounding, asked, edge_rules, by_edges, edge_bound);
       // kContour where no number of points is enough.
       const Mask loose = asked & ((by_edges == splat(kContour)) | (by_edges > splat(double{kEdges} + kLoosePoints)));
       if (any(loose)) {
@@ -232,7 +231,7 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
         least = max(least, square_root(distances.least) * (1.0 - share));
         const Real sharper_rounding = rounding_at(least);
         Real sharper, sharper_bound;
-        choose_edges(bounds, limit - sharper_rounding, loose, sharper, sharper_bound);
+        choose_edges(bounds, limit - sharper_rounding, loose, edge_rules, sharper, sharper_bound);
         by_edges = loose ? sharper : by_edges;
         edge_bound = loose ? sharper_bound : edge_bound;
         rounding = loose ? sharper_rounding : rounding;
@@ -254,97 +253,170 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
   }
 }
 
-/// Of m = 2, 4, 6 points on every edge of two parallelograms the least whose bound coefficient q^m ((2m + 1) e + q / (1
-/// - q)) / D² meets `limit` with D = `least`, as kEdges + m, and the bound. kUnsettled where none does, and where fewer
-/// points might do with D up to `most`.
-/// @param inverse_least, inverse_most  of these distances
-inline void choose_far_edges(Real coefficient, Real half_edge, Real inverse_least, Real inverse_most, Real limit,
-                             Real& choice, Real& bound) {
-  const Real q = square_of(half_edge * inverse_least), hopeful_q = square_of(half_edge * inverse_most);
-  const Real tail = (4.0 / 3) * q;  // of q / (1 - q), for q < 1/4
+/// Bounds of the centres with round moments from the first line alone. Of the fourth order and beyond, with R² at most
+/// twice the sum of the squared balls and x² = R² / r², at most 1/4,
+///   Σ_{k≥4} (k + 1) mean|δ|^k / r^k  <=  5 mean|δ|⁴ / r⁴ S,  mean|δ|⁴ <= m4 + m4' + 6 m2 m2',  m4 <= R1² m2,
+/// S = (1 - 0.6 x²) / (1 - x²)² <= 1 + 2.05 x² where odd orders vanish, (1 - 0.8 x) / (1 - x)² <= 1.11 + 5.2 x²
+/// elsewhere. Of the third order 4 T / r³ <= T² / (5 R1² m2 r²) + 20 R1² m2 / r⁴: the first in `beyond`.
+struct RoundBounds {
+  Real bound, without_beyond;
+  Mask holds;
+  RoundBounds(const CentreLine& line, Real area, const Spread& a, const Spread& b) {
+    const Real inverse = line.inverse_square;
+    const Real balls = a.ball_square + b.ball_square, far = 2.0 * balls * inverse;
+    const Real series = a.symmetric & b.symmetric ? 1.0 + 2.05 * far : 1.11 + 5.2 * far;
+    const Real own_a = a.symmetric ? a.ball_square : 5.0 * a.ball_square,
+               own_b = b.symmetric ? b.ball_square : 5.0 * b.ball_square;
+    const Real fourth =
+        even_sum(own_a - own_b, own_a + own_b, a.second - b.second, a.second + b.second) + 6.0 * (a.second * b.second);
+    const Real rounding = kEpsilon * (40.0 * (line.height_a + line.height_b) + 64.0 * (line.height_a * line.height_b));
+    const Real scale = (area * (1 / kPi)) * (inverse * inverse), left = 5.0 * (inverse * series) * fourth + rounding;
+    without_beyond = scale * left;
+    bound = scale * (3.0 * (a.beyond + b.beyond) + left);
+    holds = far <= 0.25;
+  }
+};
+
+/// Half of a parallelogram's reach along a direction: of its corners, and of the middles of its edges.
+struct Reach {
+  Real corner, middle;
+  Reach(const Sides& of, Vector direction) {
+    const Real u = 0.5 * magnitude(dot(direction, of.e1)), v = 0.5 * magnitude(dot(direction, of.e2));
+    corner = u + v, middle = max(u, v);
+  }
+};
+
+/// A pair of parallelograms: whether each lies in front of the other's plane, and D of docs/form-factors.md.
+struct FacingPair {
+  Mask in_front;
+  Real gap, distance_a, distance_b;  ///< of all points; of the middles of a's edges from b; of b's from a
+  FacingPair(const CentreLine& line, Real distance, Real reach, const Centre& a, const Centre& b, const Sides& sides_a,
+             const Sides& sides_b) {
+    const Real open_a = kSideRounding + sides_a.deviation + sides_a.lever * reach,
+               open_b = kSideRounding + sides_b.deviation + sides_b.lever * reach;
+    const Reach over_b(sides_a, b.normal), over_a(sides_b, a.normal);
+    const Real low_a = line.height_a - over_b.corner, low_b = line.height_b - over_a.corner;
+    const Mask rises_a = line.height_a + over_b.corner > open_b, rises_b = line.height_b + over_a.corner > open_a;
+    in_front = (low_a >= -open_b) & (low_b >= -open_a) & rises_a & rises_b;
+    const Vector way = (distance * line.inverse_square) * line.between;
+    const Reach along_a(sides_a, way), along_b(sides_b, way);
+    gap = max(distance - (along_a.corner + along_b.corner), max(low_a, low_b));
+    distance_a = max(max(distance - (along_a.middle + along_b.corner), gap), line.height_a - over_b.middle);
+    distance_b = max(max(distance - (along_a.corner + along_b.middle), gap), line.height_b - over_a.middle);
+  }
+};
+
+/// Of m = 2, 4, 6, 8 points on every edge of two parallelograms the least whose bound coefficient q^m E / D² meets
+/// `limit`, as kEdges + m, and the bound; else kUnsettled.
+inline void choose_far_edges(Real coefficient, Real half_edge_square, Real inverse, Real limit, Mask asked,
+                             const EdgeRule* edge_rules, Real& choice, Real& bound) {
+  const Real q = half_edge_square * square_of(inverse), step = q * q;
   choice = splat(kUnsettled);
   bound = splat(0);
-  Mask open = (inverse_least > 0) & (q < 0.25);
-  Real power = coefficient * square_of(inverse_least),
-       hopeful_power = kHopefulShare * coefficient * square_of(inverse_most);
-  for (int half = 1; half <= 3; ++half) {
-    const double e = (4 * half + 1) * kGaussError[half];
-    power *= q * q;
-    hopeful_power *= hopeful_q * hopeful_q;
-    const Real left = power * (e + tail);
+  const double most = 0.25;
+  Mask open = asked & (inverse > 0) & (q < most);
+  Real power = coefficient * square_of(inverse);
+  for (int half = 1; half <= 4 && any(open); ++half) {
+    power *= step;
+    const Real left = power * taylor_error(edge_rules[half], true, q, splat(1 / (1 - most)));
     const Mask take = open & (left <= limit);
     choice = take ? splat(double{kEdges} + 2 * half) : choice;
     bound = take ? left : bound;
     open = open & ~take;
-    if (half == 2) open = open & (hopeful_power * e > limit);
   }
 }
 
-void settle(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
-            const EdgeRule* edge_rules, std::int32_t* choices, double* bounds, double* exchange) {
+/// By the first line and the sides, where both are parallelograms; kUnsettled for all others.
+void choose(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
+            const EdgeRule* edge_rules, std::int32_t* choices, double* bounds, double* least_areas) {
   for (int start = 0; start < count; start += kLanes) {
     const int lanes_used = count - start < kLanes ? count - start : kLanes;
     const Lanes first_lanes(first + start, lanes_used), second_lanes(second + start, lanes_used);
     const Centre a(first_lanes), b(second_lanes);
+    const Sides sides_a(first_lanes), sides_b(second_lanes);
+    const Spread spread_a(a.spread), spread_b(b.spread);
     CentreLine line(a, b);
-    const Real distance = square_root(line.square), radii = a.ball + b.ball, gap = distance - radii;
-    const Real inverse_both = 1.0 / (line.square * gap), inverse_gap = line.square * inverse_both;
-    line.divide(a, b, gap * inverse_both);
-    const Real area = a.area * b.area, least_area = min(a.area, b.area), limit = tolerance * least_area;
-    const Mask hidden = (line.height_a + a.ball < -kOpen) | (line.height_b + b.ball < -kOpen) | (area <= 0);
-    const Mask clear = (line.height_a - a.ball > kOpen) & (line.height_b - b.ball > kOpen) & (distance > radii);
-    // No convex patch has a larger mean |x - centre|² than a disk. 160 / r³ for the heights, at most r, that round.
-    const Real inverse_fourth = line.inverse_square * line.inverse_square;
-    Real bound = (1 / kPi) * area *
-                 (1.5 * (square_of(a.ball) + square_of(b.ball)) * line.inverse_square * square_of(inverse_gap) +
-                  160 * kEpsilon * distance * inverse_fourth);
-    Real value = line.exchange;
-    Real choice = hidden ? splat(kNothing) : (clear & (bound <= limit) ? splat(kSettled) : splat(kUnsettled));
-    const Mask open = clear & (choice == splat(kUnsettled));
-    if (any(open)) {
-      const Sizes sizes_a(first_lanes), sizes_b(second_lanes);
-      const Mask parallelograms = sizes_a.parallelogram + sizes_b.parallelogram == splat(2);
-      const CentreBounds sharper(line, distance, inverse_gap, area, sizes_a.second + sizes_b.second,
-                                 (sizes_a.fourth + sizes_b.fourth) + 6.0 * (sizes_a.second * sizes_b.second), splat(0));
-      const Mask centres = open & (sharper.by_centres <= limit);
-      const Mask moments = open & parallelograms & (sharper.by_moments <= limit) & ~centres;
-      const Mask asked = open & parallelograms & ~centres & ~moments;
-      if (any(asked)) {
-        const Real rounding = kEdgeRoundings * kEpsilon / (2 * kPi) * (sizes_a.perimeter * sizes_b.perimeter) *
-                                  square_of((distance + radii) * inverse_gap) +
-                              sizes_a.skew + sizes_b.skew;
-        Real by_edges, edge_bound;
-        const Real turned =
-            (2 / kPi) * (0.5 + 0.25 * square_of(dot(a.normal, b.normal))) * (sizes_a.sides * sizes_b.sides);
-        choose_far_edges(2.0 * turned, max(sizes_a.half_edge, sizes_b.half_edge),
-                         1.0 / (distance - max(sizes_a.middle_radius + b.ball, sizes_b.middle_radius + a.ball)),
-                         distance * line.inverse_square, limit - rounding, by_edges, edge_bound);
-        choice = asked ? by_edges : choice;
-        bound = asked ? edge_bound + rounding : bound;
-      }
-      if (any(moments)) {
-        value = moments ? line.with_moments(a, b, Moments(first_lanes), Moments(second_lanes)) : value;
-        choice = moments ? splat(kSettled) : choice;
-        bound = moments ? sharper.by_moments : bound;
-      }
-      choice = centres ? splat(kSettled) : choice;
-      bound = centres ? sharper.by_centres : bound;
-    }
-    // A vector of pairs that all take the same points need not be sorted.
-    const Mask on_edges = choice > splat(kEdges);
-    if (!any(~on_edges)) {
-      double points = 0;
-      for (int lane = 0; lane < kLanes; ++lane) points = choice[lane] > points ? choice[lane] : points;
-      if (!any(choice < points)) {
-        const EdgeRule& rule = edge_rules[(static_cast<int>(points) - kEdges) / 2];
-        value = edges_of_parallelograms(first_lanes, second_lanes, rule);
-        choice = splat(kSettledByEdges);
-      }
-    }
-    value = choice <= splat(kSettledByEdges) ? min(max(value, splat(0)), least_area) : least_area;
+    line.divide(a, b, 1.0 / max(line.square, splat(1e-280)));
+    const Real distance = square_root(line.square), least_area = min(a.area, b.area), limit = tolerance * least_area;
+    const FacingPair pair(line, distance, 8.0 + splat(0), a, b, sides_a, sides_b);
+    const Mask facing = spread_a.symmetric & spread_b.symmetric & pair.in_front & (a.area * b.area > 0);
+    // All but what `beyond` bounds is left by the true moments.
+    const RoundBounds round(line, a.area * b.area, spread_a, spread_b);
+    const Mask moments = facing & round.holds & (round.without_beyond <= limit);
+    const Real squares_a[2] = {dot(sides_a.e1, sides_a.e1), dot(sides_a.e2, sides_a.e2)},
+               squares_b[2] = {dot(sides_b.e1, sides_b.e1), dot(sides_b.e2, sides_b.e2)};
+    const Real d11 = magnitude(dot(sides_a.e1, sides_b.e1)), d12 = magnitude(dot(sides_a.e1, sides_b.e2)),
+               d21 = magnitude(dot(sides_a.e2, sides_b.e1)), d22 = magnitude(dot(sides_a.e2, sides_b.e2));
+    const Real cosines = (d11 + d12) + (d21 + d22);
+    // Twice Σ |e·f| |e'| |f'| / 2π, the product of two lengths at most half the sum of their squares.
+    const Real turned = (1 / (2 * kPi)) * ((d11 * (squares_a[1] + squares_b[1]) + d12 * (squares_a[1] + squares_b[0])) +
+                                           (d21 * (squares_a[0] + squares_b[1]) + d22 * (squares_a[0] + squares_b[0])));
+    const Real longest = max(max(squares_a[0], squares_a[1]), max(squares_b[0], squares_b[1]));
+    // One division for two. (r + R)² <= 5/4 r² + 5 R².
+    const Real middles = max(min(pair.distance_a, pair.distance_b), splat(1e-100)),
+               gap = max(pair.gap, 1e-10 * distance);
+    const Real inverse_both = 1.0 / (middles * gap);
+    const Real reach_square = 1.25 * line.square + 10.0 * (spread_a.ball_square + spread_b.ball_square);
+    const Real rounding =
+        kEdgeRoundings * kEpsilon * (2 / kPi) * cosines * reach_square * square_of(middles * inverse_both) +
+        32 * kEpsilon * longest;
+    Real choice, bound;
+    choose_far_edges(turned, 0.25 * longest, gap * inverse_both, limit - rounding, facing & ~moments, edge_rules,
+                     choice, bound);
+    choice = moments ? splat(kMoments) : choice;
+    bound = moments ? round.without_beyond : bound + rounding;
     store(choices + start, choice, lanes_used);
     store(bounds + start, bound, lanes_used);
-    store(exchange + start, value, lanes_used);
+    store(least_areas + start, least_area, lanes_used);
+  }
+}
+
+void settle(const PatchRecord* records, std::uint32_t one, const std::uint32_t* others, int count, double tolerance,
+            double square_unit, Result* results, OpenPairs& open) {
+  const Lanes one_lanes(records + one);
+  const Centre a(one_lanes);
+  const Spread spread_a(a.spread);
+  open.count = 0;
+  for (int start = 0; start < count; start += kLanes) {
+    const int lanes_used = count - start < kLanes ? count - start : kLanes;
+    const Lanes other_lanes(records, others + start, lanes_used);
+    const Centre b(other_lanes);
+    const Spread spread_b(b.spread);
+    CentreLine line(a, b);
+    line.divide(a, b, 1.0 / line.square);
+    const Real area = a.area * b.area, least_area = min(a.area, b.area), limit = tolerance * least_area;
+    const RoundBounds round(line, area, spread_a, spread_b);
+    const Mask far = round.holds & (round.bound <= limit) & (area > 0);
+    const Real square_a = line.height_a * line.height_a, square_b = line.height_b * line.height_b;
+    Mask settled = far & (line.height_a > 0) & (line.height_b > 0) & (square_a > spread_a.ball_square) &
+                   (square_b > spread_b.ball_square);
+    Real value = line.with_round_moments(a, b, spread_a.second, spread_b.second), bound = round.bound;
+    Bits method = Bits{} + kFarMethod;
+    if (any(~settled)) {
+      const Mask hidden = ((line.height_a < 0) & (square_a > spread_a.ball_square)) |
+                          ((line.height_b < 0) & (square_b > spread_b.ball_square)) | (area <= 0);
+      value = hidden ? splat(0) : value;
+      bound = hidden ? splat(0) : bound;
+      method = hidden ? Bits{} + kZeroMethod : method;
+      settled = settled | hidden;
+      const Mask at_plane = far & spread_a.symmetric & spread_b.symmetric & ~settled;
+      if (any(at_plane)) {  // as along the edges of a room
+        const Real distance = square_root(line.square);
+        const FacingPair pair(line, distance, 1.5 * distance, a, b, Sides(one_lanes), Sides(other_lanes));
+        settled = settled | (at_plane & pair.in_front);
+      }
+      if (!any(settled) && lanes_used == kLanes) {
+        for (int lane = 0; lane < kLanes; ++lane) open.place[open.count + lane] = start + lane;
+        open.count += kLanes;
+        continue;
+      }
+      for (int lane = 0; lane < lanes_used; ++lane) {
+        open.place[open.count] = start + lane;
+        open.count += settled[lane] == 0 ? 1 : 0;
+      }
+    }
+    value = square_unit * min(max(value, splat(0)), least_area);
+    store_rows(results + start, value, square_unit * bound, reinterpret_cast<Real>(method), lanes_used);
   }
 }
 

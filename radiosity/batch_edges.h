@@ -2,7 +2,7 @@
 // Gauss points on the edges of two parallelograms, included once for each instruction set (batch_kernel_source.h).
 #pragma once
 
-#include "radiosity/batch_vectors.h"
+#include "radiosity/batch_shapes.h"
 
 namespace interglow::radiosity::batch {
 namespace {
@@ -56,13 +56,14 @@ inline Real edge_group(EdgePair (&same)[2], EdgePair (&opposite)[2], Real a_squa
 /// Parallelograms by the contour integral. Not inlined: the same instructions, and so the same bits, for all callers.
 __attribute__((noinline)) Real edges_of_parallelograms(const Lanes& first_lanes, const Lanes& second_lanes,
                                                        const EdgeRule& rule) {
-  Real a[9], b[9];
-  first_lanes.load(offsetof(PatchRecord, origin), a);
-  second_lanes.load(offsetof(PatchRecord, origin), b);
+  const Sides a(first_lanes), b(second_lanes);
+  Real a_origin[3], b_origin[3];
+  first_lanes.load(offsetof(PatchRecord, origin), a_origin);
+  second_lanes.load(offsetof(PatchRecord, origin), b_origin);
   // Corners that lie close together are subtracted first, which rounds relative to their distance.
-  const Vector corners = Vector{a[0], a[1], a[2]} - Vector{b[0], b[1], b[2]};
-  const Vector side_a[2] = {0.5 * Vector{a[3], a[4], a[5]}, 0.5 * Vector{a[6], a[7], a[8]}};
-  const Vector side_b[2] = {0.5 * Vector{b[3], b[4], b[5]}, 0.5 * Vector{b[6], b[7], b[8]}};
+  const Vector corners = Vector{a_origin[0], a_origin[1], a_origin[2]} - Vector{b_origin[0], b_origin[1], b_origin[2]};
+  const Vector side_a[2] = {0.5 * a.e1, 0.5 * a.e2};
+  const Vector side_b[2] = {0.5 * b.e1, 0.5 * b.e2};
   const Vector middles = corners + ((side_a[0] + side_a[1]) - (side_b[0] + side_b[1]));
   Real sum = splat(0);
   for (int i = 0; i < 2; ++i)

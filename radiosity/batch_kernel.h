@@ -10,33 +10,45 @@ namespace interglow::radiosity::batch {
 
 constexpr int kMaxOrder = 6;        ///< points per direction of the largest product rule
 constexpr int kMaxEdgePoints = 24;  ///< points of the largest rule on edges
+constexpr int kErrors = 4;          ///< orders of which a rule's error is known
 constexpr int kBlock = 256;         ///< pairs classified at a time
 
 /// A polygon as the kernels want it: x(u, v) = origin + u e1 + v e2 + uv e3 over the unit square; a triangle is
-/// collapsed at u = 0. Doubles only: kernels load runs of members of several records at once.
+/// collapsed at u = 0. Doubles only: kernels load runs of members of several records at once. A cache line each for the
+/// stages of the choice.
 struct alignas(64) PatchRecord {
-  // What decides on most pairs that stand apart: one cache line, and another.
   double centre[3], normal[3];
   double area;
-  double ball;           ///< `radius`; without end if the plane is too uncertain for what is asked of the first line
+  double spread;  ///< bits of three numbers that decide on most pairs that stand apart: Spread (batch_shapes.h)
+
   double half_edge;      ///< longest
   double middle_radius;  ///< farthest middle of an edge from the centre
   double perimeter;
   double sides;           ///< |e1| |e2| sqrt(1 + |cosine of their angle|)
   double second, fourth;  ///< mean |x - centre|², ⁴
-  double skew;            ///< what a quad taken for a parallelogram may change of its area
-  double parallelogram;   ///< 1 or 0
-  // The rest.
-  double radius;            ///< farthest corner from the centre
+  double ball;            ///< `radius`; without end if the plane is too uncertain for what is asked of the first line
+  double skew;            ///< what a quad taken for a parallelogram may change of its area; -1 for all other patches
+
+  double e1[3], e2[3];
   double deviation, lever;  ///< distance within which a point at distance r counts as on the plane: deviation + lever r
-  double third;             ///< bound on mean |x - centre|³; 0 where odd moments vanish by symmetry
+
+  double origin[3], e3[3];
+  double radius;  ///< farthest corner from the centre
+  double third;   ///< bound on mean |x - centre|³; 0 where odd moments vanish by symmetry
   double inverse_half_edge;
   double triangle;                ///< 1 for a triangle's nodes, 0 for a quad's
   double moment1[3], moment2[3];  ///< p, q with mean (x - centre)(x - centre)ᵀ = p pᵀ + q qᵀ
-  double origin[3], e1[3], e2[3], e3[3];
   double density[3];  ///< |∂x/∂u × ∂x/∂v| / area = density[0] + density[1] u + density[2] v; (1, 0, 0) for a triangle's
                       ///< own weights
+  double padding[5];  ///< vectors are loaded whole
 };
+
+/// The same bytes as FormFactor, whose header the kernels' sources may not include.
+struct Result {
+  double value, error_estimate;
+  std::int64_t method;
+};
+constexpr std::int64_t kZeroMethod = 0, kFarMethod = 1, kEdgeMethod = 2;  ///< values of FormFactorMethod
 
 /// Nodes of the m x m rule on the unit square: [0] for quads, [1] for triangles (the weight u of the collapsed square
 /// included).
@@ -49,39 +61,51 @@ struct ProductRule {
 struct EdgeRule {
   int half;  ///< half of the points
   double node[kMaxEdgePoints / 2], weight[kMaxEdgePoints / 2];
+  double
+      error[kErrors];  ///< of x^(2m + 2j) by m points, over the interval's length; never negative, at most 1/(2m+2j+1)
 };
 
 /// What to do with a pair. kEdges + 2n: the contour integral by 2n points on each edge of two parallelograms; kEdges +
 /// 2n + 1: of other patches.
 enum Choice : std::int32_t {
-  kNothing,         ///< the value is 0
-  kSettled,         ///< the value is there
-  kSettledByEdges,  ///< the same, from points on edges
-  kUnsettled,       ///< `classify` is to be asked
+  kNothing,    ///< the value is 0
+  kUnsettled,  ///< `classify` is to be asked
   kContour,
   kCentres,
+  kRound,  ///< the centres with moments taken for alike in all directions of the plane
   kMoments,
   kCut,
   kEdges,
   kChoices = kEdges + kMaxEdgePoints + 2
 };
 
-/// Distance from a plane, in normalised coordinates, that `settle` leaves to `classify`.
+/// Distance from a plane, in normalised coordinates, that the first line's balls are enlarged by.
 constexpr double kOpen = 1e-9;
+
+/// Pairs that `settle` has left: their places in the list.
+struct OpenPairs {
+  int count;
+  std::int32_t place[kBlock];
+};
 
 struct Kernels {
   const char* name;
-  /// For each pair the cheapest choice whose error bound meets `tolerance`, and the bound, an absolute exchange area,
-  /// where that can be told from balls around the patches; else kUnsettled. For kSettled the value, else the smaller
-  /// area.
+  /// Exchange areas of one patch with others, times `square_unit`, where the first lines of the records tell that
+  /// nothing is exchanged or that the centres with moments meet `tolerance`. The others are handed back.
+  /// @param count  at most kBlock
+  void (*settle)(const PatchRecord* records, std::uint32_t one, const std::uint32_t* others, int count,
+                 double tolerance, double square_unit, Result* results, OpenPairs& open);
+  /// For each pair of parallelograms the cheapest choice whose error bound meets `tolerance`, and the bound, an
+  /// absolute exchange area; kUnsettled where that takes a closer look, and for other patches. The smaller area
+  /// of any pair.
   /// @param edge_rules  by half of their points
-  void (*settle)(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
-                 const EdgeRule* edge_rules, std::int32_t* choice, double* bound, double* exchange);
-  /// The same from the patches' shapes, without values and never kUnsettled.
+  void (*choose)(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
+                 const EdgeRule* edge_rules, std::int32_t* choice, double* bound, double* least_area);
+  /// Choice and bound of any pair, never kUnsettled.
   void (*classify)(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
-                   std::int32_t* choice, double* bound);
-  /// By the centres (`moments` false) or by the moments of second order as well.
-  void (*centres)(const PatchRecord* const* first, const PatchRecord* const* second, int count, bool moments,
+                   const EdgeRule* edge_rules, std::int32_t* choice, double* bound);
+  /// By the centres (1), with moments of second order alike in all directions of the plane (2), or the true ones (3).
+  void (*centres)(const PatchRecord* const* first, const PatchRecord* const* second, int count, int moments,
                   double* exchange);
   /// A1 A2 Σ Σ w w' cosθ cosθ' / (π r²) by the given rule.
   void (*product)(const PatchRecord* const* first, const PatchRecord* const* second, int count, const ProductRule& rule,

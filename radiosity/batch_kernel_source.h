@@ -15,15 +15,13 @@ struct Patch {
   explicit Patch(const Lanes& lanes) {
     const Centre line(lanes);
     centre = line.centre, normal = line.normal, area = line.area;
-    Real shape[15], kind[1];
-    lanes.load(offsetof(PatchRecord, origin), shape);
+    const Shape shape(lanes);
+    origin = shape.origin, e1 = shape.e1, e2 = shape.e2, e3 = shape.e3;
+    Real kind[1], of_density[3];
     lanes.load(offsetof(PatchRecord, triangle), kind);
+    lanes.load(offsetof(PatchRecord, density), of_density);
     triangle = kind[0];
-    origin = {shape[0], shape[1], shape[2]};
-    e1 = {shape[3], shape[4], shape[5]};
-    e2 = {shape[6], shape[7], shape[8]};
-    e3 = {shape[9], shape[10], shape[11]};
-    density = {shape[12], shape[13], shape[14]};
+    density = {of_density[0], of_density[1], of_density[2]};
   }
 };
 
@@ -39,7 +37,7 @@ struct Height {
   Height(const Patch& of, const Patch& over) : Height(of, over.normal, over.centre) {}
 };
 
-void centres(const PatchRecord* const* first, const PatchRecord* const* second, int count, bool moments,
+void centres(const PatchRecord* const* first, const PatchRecord* const* second, int count, int moments,
              double* exchange) {
   for (int start = 0; start < count; start += kLanes) {
     const int lanes_used = count - start < kLanes ? count - start : kLanes;
@@ -47,7 +45,9 @@ void centres(const PatchRecord* const* first, const PatchRecord* const* second, 
     const Centre a(first_lanes), b(second_lanes);
     CentreLine line(a, b);
     line.divide(a, b, 1.0 / line.square);
-    const Real value = moments ? line.with_moments(a, b, Moments(first_lanes), Moments(second_lanes)) : line.exchange;
+    Real value = line.exchange;
+    if (moments == 2) value = line.with_round_moments(a, b, Spread(a.spread).second, Spread(b.spread).second);
+    if (moments == 3) value = line.with_moments(a, b, Moments(first_lanes), Moments(second_lanes));
     store(exchange + start, value, lanes_used);
   }
 }
@@ -169,7 +169,7 @@ void edges(const PatchRecord* const* first, const PatchRecord* const* second, in
 }  // namespace
 
 const Kernels& INTERGLOW_KERNELS() {
-  static constexpr Kernels kTable{INTERGLOW_KERNEL_NAME, settle, classify, centres, product, edges};
+  static constexpr Kernels kTable{INTERGLOW_KERNEL_NAME, settle, choose, classify, centres, product, edges};
   return kTable;
 }
 

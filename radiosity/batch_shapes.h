@@ -8,27 +8,61 @@
 namespace interglow::radiosity::batch {
 namespace {
 
+/// Three numbers in one: the upper half of a double, and 16 bits each (exponent, 5 bits of mantissa) rounded up.
+struct Spread {
+  Real second;       ///< mean |x - centre|², to 20 bits
+  Real ball_square;  ///< at least the farthest corner's squared distance; huge where `ball` is without end
+  Real beyond;       ///< at least what `second` over all directions of the plane alike leaves of the second order: the
+                     ///< difference of the principal moments and, of patches without a centre of symmetry, mean
+                     ///< |x - centre|³ squared over 15 ball_square second
+  Mask symmetric;
+  explicit Spread(Real packed) {
+    const Bits bits = reinterpret_cast<Bits>(packed);
+    constexpr unsigned long long kShort = 0x7fff800000000000ull;
+    second = reinterpret_cast<Real>(bits & 0xffffffff00000000ull);
+    ball_square = reinterpret_cast<Real>((bits << 31) & kShort);
+    beyond = reinterpret_cast<Real>((bits << 47) & kShort);
+    symmetric = (bits & 1) == 0;
+  }
+};
+
 /// The first line of the records.
 struct Centre {
   Vector centre, normal;
-  Real area, ball;
+  Real area, spread;
   explicit Centre(const Lanes& lanes) {
     Real field[8];
     lanes.load(offsetof(PatchRecord, centre), field);
     centre = {field[0], field[1], field[2]};
     normal = {field[3], field[4], field[5]};
-    area = field[6], ball = field[7];
+    area = field[6], spread = field[7];
   }
 };
 
 /// The second line.
 struct Sizes {
-  Real half_edge, middle_radius, perimeter, sides, second, fourth, skew, parallelogram;
+  Real half_edge, middle_radius, perimeter, sides, second, fourth, ball, skew;
+  Mask parallelogram;
   explicit Sizes(const Lanes& lanes) {
     Real field[8];
     lanes.load(offsetof(PatchRecord, half_edge), field);
     half_edge = field[0], middle_radius = field[1], perimeter = field[2], sides = field[3];
-    second = field[4], fourth = field[5], skew = field[6], parallelogram = field[7];
+    second = field[4], fourth = field[5], ball = field[6];
+    parallelogram = field[7] >= 0;
+    skew = max(field[7], splat(0));
+  }
+};
+
+/// The third.
+struct Sides {
+  Vector e1, e2;
+  Real deviation, lever;
+  explicit Sides(const Lanes& lanes) {
+    Real field[8];
+    lanes.load(offsetof(PatchRecord, e1), field);
+    e1 = {field[0], field[1], field[2]};
+    e2 = {field[3], field[4], field[5]};
+    deviation = field[6], lever = field[7];
   }
 };
 
@@ -42,11 +76,17 @@ struct Moments {
   }
 };
 
+/// x x' + y y' from x + y and x' + y': fused to the same bits if (x, x') and (y, y') change places.
+inline Real even_sum(Real x_less_y, Real x_and_y, Real less_of_others, Real others) {
+  return 0.5 * (x_and_y * others + x_less_y * less_of_others);
+}
+
 /// K = cosθ cosθ' / (π r²) between the centres. Moved by τ within one patch, its term of second order is K times
 /// 12 (d·τ)² / r⁴ - 2 τ² / r² - 4 (n'·τ) (d·τ) / (h r²), h the height over the other's plane, d the way from there.
 struct CentreLine {
   Vector between;
-  Real height_a, height_b, square, inverse_square, exchange;  ///< of a's centre over b's plane; A A' K
+  Real height_a, height_b, square, inverse_square;  ///< of a's centre over b's plane
+  Real exchange;                                    ///< A A' K; the same bits for (a, b) and (b, a)
   CentreLine(const Centre& a, const Centre& b)
       : between(b.centre - a.centre),
         height_a(-dot(b.normal, between)),
@@ -56,7 +96,18 @@ struct CentreLine {
   /// @param inverse  1 / square
   void divide(const Centre& a, const Centre& b, Real inverse) {
     inverse_square = inverse;
-    exchange = a.area * b.area * height_a * height_b * inverse * inverse * (1 / kPi);
+    exchange = (a.area * b.area) * (height_a * height_b) * (inverse * inverse) * (1 / kPi);
+  }
+
+  /// With second moments alike in all directions of a patch's plane, `second` the mean squared distance: Σ (d·τ)² is
+  /// second (r² - h'²) / 2, and Σ (n'·τ)(d·τ) second (h + h' n·n') / 2. The same bits for (a, b) and (b, a).
+  Real with_round_moments(const Centre& a, const Centre& b, Real second_a, Real second_b) const {
+    const Real product = height_a * height_b, heights = height_a + height_b, both = second_a + second_b;
+    const Real crossed =
+        even_sum(second_a - second_b, both, (height_b - height_a) * heights, heights * heights - 2.0 * product);
+    const Real term = both * product - crossed * (dot(a.normal, b.normal) + 3.0 * (product * inverse_square));
+    return (a.area * b.area) * (product + 2.0 * (inverse_square * term)) * (inverse_square * inverse_square) *
+           (1 / kPi);
   }
 
   Real with_moments(const Centre& a, const Centre& b, const Moments& of_first, const Moments& of_second) const {
@@ -80,16 +131,15 @@ struct Shape {
   Real radius, deviation, lever, third, inverse_half_edge;
   Vector origin, e1, e2, e3;
   explicit Shape(const Lanes& lanes) {
-    Real field[5];
-    lanes.load(offsetof(PatchRecord, radius), field);
-    radius = field[0], deviation = field[1], lever = field[2], third = field[3];
-    inverse_half_edge = field[4];
-    Real vectors[12];
-    lanes.load(offsetof(PatchRecord, origin), vectors);
-    origin = {vectors[0], vectors[1], vectors[2]};
-    e1 = {vectors[3], vectors[4], vectors[5]};
-    e2 = {vectors[6], vectors[7], vectors[8]};
-    e3 = {vectors[9], vectors[10], vectors[11]};
+    const Sides sides(lanes);
+    e1 = sides.e1, e2 = sides.e2, deviation = sides.deviation, lever = sides.lever;
+    Real field[8], last[1];
+    lanes.load(offsetof(PatchRecord, origin), field);
+    lanes.load(offsetof(PatchRecord, inverse_half_edge), last);
+    origin = {field[0], field[1], field[2]};
+    e3 = {field[3], field[4], field[5]};
+    radius = field[6], third = field[7];
+    inverse_half_edge = last[0];
   }
 };
 

@@ -10,6 +10,7 @@ namespace {
 constexpr int kLanes = INTERGLOW_LANES;
 using Real = double __attribute__((vector_size(kLanes * sizeof(double))));
 using Mask = long long __attribute__((vector_size(kLanes * sizeof(double))));
+using Bits = unsigned long long __attribute__((vector_size(kLanes * sizeof(double))));
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr double kEpsilon = 2.220446049250313e-16;
@@ -51,6 +52,28 @@ inline void store(std::int32_t* to, Real value, int lanes_used) {
   } else {
     for (int lane = 0; lane < lanes_used; ++lane) to[lane] = rounded[lane];
   }
+}
+
+/// Three columns become rows of three, the lanes in use, to memory.
+inline void store_rows(Result* to, Real x, Real y, Real z, int lanes_used) {
+  Real row[3];
+#if INTERGLOW_LANES == 8
+  const Real a = __builtin_shufflevector(x, y, 0, 8, 1, 1, 9, 2, 2, 10);
+  row[0] = __builtin_shufflevector(a, z, 0, 1, 8, 3, 4, 9, 6, 7);
+  row[1] =
+      __builtin_shufflevector(__builtin_shufflevector(y, z, 10, 3, 3, 11, 4, 4, 12, 5), x, 0, 11, 2, 3, 12, 5, 6, 13);
+  row[2] =
+      __builtin_shufflevector(__builtin_shufflevector(y, z, 5, 13, 6, 6, 14, 7, 7, 15), x, 0, 1, 14, 3, 4, 15, 6, 7);
+#elif INTERGLOW_LANES == 4
+  row[0] = __builtin_shufflevector(__builtin_shufflevector(x, y, 0, 4, 1, 1), z, 0, 1, 4, 3);
+  row[1] = __builtin_shufflevector(__builtin_shufflevector(y, z, 1, 5, 2, 2), x, 0, 1, 6, 3);
+  row[2] = __builtin_shufflevector(__builtin_shufflevector(y, z, 6, 3, 3, 7), x, 0, 7, 2, 3);
+#else
+  row[0] = __builtin_shufflevector(x, y, 0, 2);
+  row[1] = __builtin_shufflevector(z, x, 0, 3);
+  row[2] = __builtin_shufflevector(y, z, 1, 3);
+#endif
+  __builtin_memcpy(to, row, sizeof(Result) * static_cast<std::size_t>(lanes_used));
 }
 
 /// Rows of kLanes doubles become columns.
@@ -97,6 +120,14 @@ struct Lanes {
     for (int lane = 0; lane < kLanes; ++lane) record[lane] = records[lane < count ? lane : count - 1];
     for (int lane = 1; lane < kLanes; ++lane) uniform = uniform & (record[lane] == record[0]);
   }
+  /// All the same.
+  explicit Lanes(const PatchRecord* one) : uniform(true) {
+    for (int lane = 0; lane < kLanes; ++lane) record[lane] = one;
+  }
+  /// Not taken for the same one.
+  Lanes(const PatchRecord* records, const std::uint32_t* index, int count) : uniform(false) {
+    for (int lane = 0; lane < kLanes; ++lane) record[lane] = records + index[lane < count ? lane : count - 1];
+  }
   /// kCount doubles from `offset` bytes into the records. @pre kCount rounded up to kLanes stays inside the record
   template <int kCount>
   void load(std::size_t offset, Real (&value)[kCount]) const {
@@ -136,8 +167,6 @@ inline bool any(Mask mask) {
 
 inline Real square_of(Real x) { return x * x; }
 inline Real magnitude(Real x) { return max(x, -x); }
-
-using Bits = unsigned long long __attribute__((vector_size(kLanes * sizeof(double))));
 
 /// ln (n / d) of positive normal numbers, to 2 roundings of max(1, its value).
 inline Real log_ratio(Real n, Real d) {

@@ -110,6 +110,12 @@ const EdgeRules& edge_rules() {
         made[half].node[i] = static_cast<double>(gauss.node[i]);
         made[half].weight[i] = static_cast<double>(gauss.weight[i] / 2);
       }
+      for (int j = 0; j < batch::kErrors; ++j) {
+        const int order = 4 * half + 2 * j;
+        long double error = 1.0L / (order + 1);
+        for (int i = 0; i < half; ++i) error -= gauss.weight[i] * std::pow(gauss.node[i], order);
+        made[half].error[j] = static_cast<double>(error) + 1e-18;  // what is rounded
+      }
     }
     return made;
   }();
@@ -137,12 +143,12 @@ double mean_of(const PatchRecord& record, Function f) {
   return sum;
 }
 
-/// Absolute and directed moments about the centre.
-void set_moments(PatchRecord& record) {
+/// Absolute and directed moments about the centre. Returns the difference of the principal ones.
+double set_moments(PatchRecord& record) {
   record.second = mean_of(record, [](const Vector3d& x) { return x.squaredNorm(); });
   record.fourth = mean_of(record, [](const Vector3d& x) { return x.squaredNorm() * x.squaredNorm(); });
   // By Cauchy and Schwarz, for |x|³ is no polynomial.
-  record.third = record.parallelogram > 0 ? 0 : std::sqrt(record.second * record.fourth);
+  record.third = record.skew >= 0 ? 0 : std::sqrt(record.second * record.fourth);
   // Cholesky in the frame of the direction in which the patch is longer, as p = (xx, xy) / √xx.
   const Vector3d normal = load(record.normal), side = load(record.e1).squaredNorm() > load(record.e2).squaredNorm()
                                                           ? load(record.e1)
@@ -157,6 +163,28 @@ void set_moments(PatchRecord& record) {
   const double left = std::sqrt(std::max(0.0, xx >= yy ? yy - xy * xy / xx : xx - xy * xy / yy));
   store(record.moment1, p);
   store(record.moment2, left * (xx >= yy ? second : first));
+  return std::hypot(xx - yy, 2 * xy);
+}
+
+/// The leading `bits` of a number's exponent and mantissa, rounded up.
+std::uint64_t rounded_up(double x, int bits) {
+  const std::uint64_t most = std::bit_cast<std::uint64_t>(std::numeric_limits<double>::max());
+  const int dropped = 63 - bits;
+  return (std::min(std::bit_cast<std::uint64_t>(x), most - (std::uint64_t{1} << dropped)) +
+          (std::uint64_t{1} << dropped) - 1) >>
+         dropped;
+}
+
+/// What `batch::Spread` unpacks.
+double pack_spread(const PatchRecord& record, double difference) {
+  const bool symmetric = record.third <= 0;
+  const double ball_square =
+      std::min(record.ball + 2 * batch::kOpen, 1e100) * std::min(record.ball + 2 * batch::kOpen, 1e100);
+  const std::uint64_t second = std::bit_cast<std::uint64_t>(record.second) >> 32;
+  double beyond = difference + record.second * 1.01e-6;  // 20 bits
+  if (!symmetric) beyond += record.third * record.third / (15 * ball_square * record.second);
+  const std::uint64_t low = rounded_up(beyond, 15) << 1 | (symmetric ? 0 : 1);
+  return std::bit_cast<double>(second << 32 | rounded_up(ball_square, 16) << 16 | low);
 }
 
 PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double unit) {
@@ -172,6 +200,7 @@ PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double
 
   const auto& c = scaled.corner;
   const bool triangle = scaled.corners == 3;
+  bool parallelogram = false;
   const Vector3d e1 = c[1] - c[0];
   const Vector3d e2 = triangle ? Vector3d(Vector3d::Zero()) : Vector3d(c[3] - c[0]);
   const Vector3d e3 = triangle ? Vector3d(c[2] - c[1]) : Vector3d((c[2] - c[1]) - (c[3] - c[0]));
@@ -191,7 +220,7 @@ PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double
     record.density[0] = plane.normal.dot(e1.cross(e2)) / plane.area;
     record.density[1] = plane.normal.dot(e1.cross(e3)) / plane.area;
     record.density[2] = plane.normal.dot(e3.cross(e2)) / plane.area;
-    record.parallelogram = e3.norm() > 8 * std::numeric_limits<double>::epsilon() ? 0 : 1;
+    parallelogram = e3.norm() <= 8 * std::numeric_limits<double>::epsilon();
     const double first = plane.normal.dot((c[1] - c[0]).cross(c[2] - c[0])),
                  second = plane.normal.dot((c[2] - c[0]).cross(c[3] - c[0]));
     store(record.centre, (first * (c[0] + c[1] + c[2]) + second * (c[0] + c[2] + c[3])) / (3 * (first + second)));
@@ -207,14 +236,15 @@ PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double
   }
   record.half_edge = longest_edge / 2;
   record.inverse_half_edge = 2 / longest_edge;
-  record.skew = record.parallelogram > 0 ? e3.norm() * longest_edge : 0;
-  set_moments(record);
+  record.skew = parallelogram ? e3.norm() * longest_edge : -1;
+  const double turn = set_moments(record);
   record.sides = std::sqrt(e1.norm() * e2.norm() * (e1.norm() * e2.norm() + std::abs(e1.dot(e2))));
   record.deviation = 2 * plane.deviation;
   record.lever = (4 * plane.deviation + 16 * std::numeric_limits<double>::epsilon() * longest) / plane.thickness;
   const double reach = 8;  // farther than two points in normalised coordinates are apart
   record.ball =
       record.deviation + record.lever * reach < batch::kOpen ? record.radius : std::numeric_limits<double>::max() / 4;
+  record.spread = pack_spread(record, turn);
   return record;
 }
 
@@ -256,96 +286,108 @@ double FormFactorBatch::area(std::size_t i) const { return records_[i].area * un
 
 const char* FormFactorBatch::instruction_set() const { return kernels_->name; }
 
+// The kernels write results by bytes.
+static_assert(sizeof(FormFactor) == sizeof(batch::Result) && offsetof(FormFactor, value) == 0 &&
+              offsetof(FormFactor, error_estimate) == offsetof(batch::Result, error_estimate) &&
+              offsetof(FormFactor, method) == offsetof(batch::Result, method) && sizeof(FormFactorMethod) == 4 &&
+              std::endian::native == std::endian::little);
+static_assert(static_cast<int>(FormFactorMethod::kZero) == batch::kZeroMethod &&
+              static_cast<int>(FormFactorMethod::kFarQuadrature) == batch::kFarMethod &&
+              static_cast<int>(FormFactorMethod::kEdgeQuadrature) == batch::kEdgeMethod);
+
 void FormFactorBatch::exchange_areas(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance,
                                      std::span<FormFactor> results) const {
+  const double square_unit = unit_ * unit_;
+  batch::OpenPairs open;
+  for (std::size_t start = 0; start < others.size(); start += batch::kBlock) {
+    const std::span<const std::uint32_t> block =
+        others.subspan(start, std::min<std::size_t>(batch::kBlock, others.size() - start));
+    FormFactor* const found = results.data() + start;
+    kernels_->settle(records_.data(), one, block.data(), static_cast<int>(block.size()), tolerance, square_unit,
+                     reinterpret_cast<batch::Result*>(found), open);
+    if (open.count > 0) finish(one, block, tolerance, open, found);
+  }
+}
+
+void FormFactorBatch::finish(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance,
+                             const batch::OpenPairs& open, FormFactor* found) const {
   using batch::kBlock;
   std::array<const PatchRecord*, kBlock> first, second, packed_first, packed_second;
   std::array<std::int32_t, kBlock> choice, packed_choice;
-  std::array<int, kBlock> rest, place;
-  std::array<double, kBlock> bound, exchange, packed;
+  std::array<int, kBlock> member;
+  std::array<double, kBlock> bound, least_area, packed;
   const double square_unit = unit_ * unit_;
-  for (std::size_t start = 0; start < others.size(); start += kBlock) {
-    const int count = static_cast<int>(std::min<std::size_t>(kBlock, others.size() - start));
-    // The lower index comes first, whichever way the pair is asked for: the same bits for (i, j) and (j, i).
-    for (int k = 0; k < count; ++k) {
-      const std::uint32_t other = others[start + k];
-      first[k] = &records_[std::min(one, other)];
-      second[k] = &records_[std::max(one, other)];
+  // The lower index comes first, whichever way the pair is asked for: the same bits for (i, j) and (j, i).
+  for (int i = 0; i < open.count; ++i) {
+    const std::uint32_t other = others[open.place[i]];
+    first[i] = &records_[std::min(one, other)];
+    second[i] = &records_[std::max(one, other)];
+  }
+  const auto pack = [&](int members) {
+    for (int i = 0; i < members; ++i) {
+      packed_first[i] = first[member[i]];
+      packed_second[i] = second[member[i]];
     }
-    kernels_->settle(first.data(), second.data(), count, tolerance, edge_rules().data(), choice.data(), bound.data(),
-                     exchange.data());
-    FormFactor* const found = results.data() + start;
-    // Without branches: which pairs are settled cannot be foreseen.
-    int left = 0, unsettled = 0;
-    for (int k = 0; k < count; ++k) {
-      found[k] = {
-          exchange[k] * square_unit, bound[k] * square_unit,
-          choice[k] == batch::kSettledByEdges ? FormFactorMethod::kEdgeQuadrature : FormFactorMethod::kFarQuadrature};
-      rest[left] = place[unsettled] = k;
-      left += choice[k] != batch::kSettled && choice[k] != batch::kSettledByEdges ? 1 : 0;
-      unsettled += choice[k] == batch::kUnsettled ? 1 : 0;
+  };
+  kernels_->choose(first.data(), second.data(), open.count, tolerance, edge_rules().data(), choice.data(), bound.data(),
+                   least_area.data());
+  int unsettled = 0;
+  for (int i = 0; i < open.count; ++i) {
+    member[unsettled] = i;
+    unsettled += choice[i] == batch::kUnsettled ? 1 : 0;
+  }
+  if (unsettled > 0) {
+    pack(unsettled);
+    kernels_->classify(packed_first.data(), packed_second.data(), unsettled, tolerance, edge_rules().data(),
+                       packed_choice.data(), packed.data());
+    for (int i = 0; i < unsettled; ++i) {
+      choice[member[i]] = packed_choice[i];
+      bound[member[i]] = packed[i];
     }
-    if (left == 0) continue;
-    if (unsettled > 0) {
-      for (int i = 0; i < unsettled; ++i) {
-        packed_first[i] = first[place[i]];
-        packed_second[i] = second[place[i]];
-      }
-      kernels_->classify(packed_first.data(), packed_second.data(), unsettled, tolerance, packed_choice.data(),
-                         packed.data());
-      for (int i = 0; i < unsettled; ++i) {
-        choice[place[i]] = packed_choice[i];
-        bound[place[i]] = packed[i];
-      }
+  }
+  // One choice after the other: all pairs of a vector take the same rule.
+  static_assert(batch::kChoices <= 64);
+  std::uint64_t present = 0;
+  for (int i = 0; i < open.count; ++i) present |= std::uint64_t{1} << choice[i];
+  for (; present != 0; present &= present - 1) {
+    const int chosen = std::countr_zero(present);
+    int members = 0;
+    for (int i = 0; i < open.count; ++i) {
+      member[members] = i;
+      members += choice[i] == chosen ? 1 : 0;
     }
-    // One choice after the other: all pairs of a vector take the same rule.
-    static_assert(batch::kChoices <= 64);
-    std::uint64_t present = 0;
-    for (int i = 0; i < left; ++i) present |= std::uint64_t{1} << choice[rest[i]];
-    for (; present != 0; present &= present - 1) {
-      const int chosen = std::countr_zero(present);
-      int members = 0;
-      for (int i = 0; i < left; ++i) {
-        place[members] = rest[i];
-        members += choice[rest[i]] == chosen ? 1 : 0;
-      }
-      if (chosen == batch::kNothing) {
-        for (int i = 0; i < members; ++i) found[place[i]] = {};
-        continue;
-      }
-      if (chosen == batch::kContour) {
-        for (int i = 0; i < members; ++i) {
-          const std::uint32_t other = others[start + place[i]];
-          const double wanted = tolerance * std::min(first[place[i]]->area, second[place[i]]->area) * square_unit;
-          found[place[i]] = exchange_area(polygons_[std::min(one, other)], polygons_[std::max(one, other)], wanted);
-        }
-        continue;
-      }
-      const PatchRecord* const* one_side = first.data();
-      const PatchRecord* const* other_side = second.data();
-      if (members < count) {
-        for (int i = 0; i < members; ++i) {
-          packed_first[i] = first[place[i]];
-          packed_second[i] = second[place[i]];
-        }
-        one_side = packed_first.data();
-        other_side = packed_second.data();
-      }
-      FormFactorMethod method = FormFactorMethod::kFarQuadrature;
-      if (chosen == batch::kCentres || chosen == batch::kMoments) {
-        kernels_->centres(one_side, other_side, members, chosen == batch::kMoments, packed.data());
-      } else if (chosen == batch::kCut) {
-        kernels_->product(one_side, other_side, members, product_rule(2), packed.data());
-      } else {
-        const int points = chosen - batch::kEdges;
-        kernels_->edges(one_side, other_side, members, edge_rules()[points / 2], points % 2 == 0, packed.data());
-        method = FormFactorMethod::kEdgeQuadrature;
-      }
+    if (chosen == batch::kNothing) {
+      for (int i = 0; i < members; ++i) found[open.place[member[i]]] = {};
+      continue;
+    }
+    if (chosen == batch::kContour) {
       for (int i = 0; i < members; ++i) {
-        const int k = place[i];
-        const double value = std::clamp(packed[i], 0.0, exchange[k]);
-        found[k] = {value * square_unit, bound[k] * square_unit, method};
+        const std::uint32_t other = others[open.place[member[i]]];
+        const double wanted = tolerance * least_area[member[i]] * square_unit;
+        found[open.place[member[i]]] =
+            exchange_area(polygons_[std::min(one, other)], polygons_[std::max(one, other)], wanted);
       }
+      continue;
+    }
+    const bool all = members == open.count;
+    if (!all) pack(members);
+    const PatchRecord* const* one_side = all ? first.data() : packed_first.data();
+    const PatchRecord* const* other_side = all ? second.data() : packed_second.data();
+    FormFactorMethod method = FormFactorMethod::kFarQuadrature;
+    if (chosen == batch::kCentres || chosen == batch::kRound || chosen == batch::kMoments) {
+      const int moments = 1 + chosen - batch::kCentres;
+      kernels_->centres(one_side, other_side, members, moments, packed.data());
+    } else if (chosen == batch::kCut) {
+      kernels_->product(one_side, other_side, members, product_rule(2), packed.data());
+    } else {
+      const int points = chosen - batch::kEdges;
+      kernels_->edges(one_side, other_side, members, edge_rules()[points / 2], points % 2 == 0, packed.data());
+      method = FormFactorMethod::kEdgeQuadrature;
+    }
+    for (int i = 0; i < members; ++i) {
+      const int k = member[i];
+      const double value = std::clamp(packed[i], 0.0, least_area[k]);
+      found[open.place[k]] = {value * square_unit, bound[k] * square_unit, method};
     }
   }
 }
@@ -354,7 +396,7 @@ void FormFactorBatch::exchange_areas_by_rule(std::uint32_t one, std::span<const 
                                              std::span<double> results) const {
   const int most = rule.family == FixedRule::kEdges     ? kMaxEdgePoints
                    : rule.family == FixedRule::kProduct ? kMaxOrder
-                                                        : 2;
+                                                        : 3;
   if (rule.points < 1 || rule.points > most || (rule.family == FixedRule::kEdges && rule.points % 2 != 0))
     throw InvalidParams(
         fmt::format("form factors: points = {}, expected 1 to {}, on edges an even number.", rule.points, most));
@@ -367,13 +409,12 @@ void FormFactorBatch::exchange_areas_by_rule(std::uint32_t one, std::span<const 
     }
     double* found = results.data() + start;
     if (rule.family == FixedRule::kCentres) {
-      kernels_->centres(first.data(), second.data(), count, rule.points == 2, found);
+      kernels_->centres(first.data(), second.data(), count, rule.points, found);
     } else if (rule.family == FixedRule::kProduct) {
       kernels_->product(first.data(), second.data(), count, product_rule(rule.points), found);
     } else {
       bool parallelograms = true;
-      for (int k = 0; k < count; ++k)
-        parallelograms = parallelograms && first[k]->parallelogram > 0 && second[k]->parallelogram > 0;
+      for (int k = 0; k < count; ++k) parallelograms = parallelograms && first[k]->skew >= 0 && second[k]->skew >= 0;
       kernels_->edges(first.data(), second.data(), count, edge_rules()[rule.points / 2], parallelograms, found);
     }
     for (int k = 0; k < count; ++k) results[start + k] *= unit_ * unit_;

@@ -14,6 +14,7 @@ namespace interglow::radiosity {
 
 namespace batch {
 struct PatchRecord;
+struct OpenPairs;
 struct Kernels;
 }  // namespace batch
 
@@ -23,7 +24,8 @@ enum class InstructionSet { kSse2, kAvx2, kAvx512 };
 /// A rule that `exchange_areas` may choose.
 struct FixedRule {
   enum Family {
-    kCentres,  ///< 1: cosθ cosθ' / (π r²) from centre to centre; 2: and the moments of second order
+    kCentres,  ///< 1: cosθ cosθ' / (π r²) from centre to centre; 2: with the moments of second order, taken for alike
+               ///< in all directions of a patch's plane; 3: with the true ones
     kProduct,  ///< 1 to 6 points per direction on both patches
     kEdges,    ///< the contour integral by 2, 4 ... 24 points on each edge of both
   };
@@ -68,6 +70,10 @@ class FormFactorBatch {
   const char* instruction_set() const;
 
  private:
+  /// What the first pass over a block of pairs has left.
+  void finish(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance, const batch::OpenPairs& open,
+              FormFactor* found) const;
+
   std::vector<Polygon> polygons_;
   std::vector<batch::PatchRecord> records_;
   const batch::Kernels* kernels_;
