@@ -35,8 +35,8 @@ struct FixedRule {
 
 /// Polygons made ready once; then any list of pairs, from any thread.
 ///
-/// Pairs that stand apart take the kernel between their centres, that and the second moments, or the contour integral
-/// by 2 ... 24 Gauss points on every edge: the cheapest whose error bound meets the tolerance. All others go to
+/// Pairs that stand apart take the kernel between their centres with second moments, or the contour integral by
+/// 2 ... 24 Gauss points on every edge: the cheapest whose error bound meets the tolerance. All others go to
 /// `exchange_area`. Bounds and rules: docs/form-factors.md. Vectors of 8, 4 or 2 pairs, as the processor has AVX-512,
 /// AVX2 or neither. A pair's value depends on the two polygons and the tolerance alone: not on its neighbours in the
 /// list, the thread, or the order of the two.
@@ -56,7 +56,7 @@ class FormFactorBatch {
   /// Exchange areas A_one F_one,other for each of `others`, into `results` of the same length.
   ///
   /// @param tolerance  wanted absolute error of both form factors of a pair; 0 asks for round-off
-  /// Cost: from about 20 ns (1e-4, far) over 0.2 µs (1e-14, a size apart) to some µs (touching) a pair.
+  /// Cost: from about 6 ns (1e-4, far) over 0.1 µs (1e-14, a size apart) to some µs (touching) a pair.
   void exchange_areas(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance,
                       std::span<FormFactor> results) const;
 
