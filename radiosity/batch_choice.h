@@ -104,6 +104,37 @@ inline void choose_edges(const EdgeBounds& of, Real limit, Mask asked, const Edg
   }
 }
 
+/// Of the product rules of 2 ... 5 points per direction the least whose bound 4 coefficient Σ_{k >= 2m} ((k + 1) s^k +
+/// skew k s^(k - 1)) e_k meets `limit`, as kProduct + m, and the bound; kContour where none does. A patch is met along
+/// straight lines of at most twice `half_edge`, about whose middles the kernel has the Taylor coefficients (k + 1) / (π
+/// gap^(k + 2)); a quad's density rises by at most `skew` of its middle value to either end.
+inline void choose_product(Real coefficient, Real s, Real skew, Real limit, const ProductRule* rules, Real& choice,
+                           Real& bound) {
+  choice = splat(kContour);
+  bound = splat(0);
+  Mask open = s < 0.5;
+  const Real inverse = 1.0 / max(s, splat(1e-100)), end = 1.0 / square_of(1.0 - min(s, splat(0.5)));
+  const Real over = 1.0 + skew * inverse, square = s * s;
+  Real power = 4.0 * coefficient * square * over;
+  for (int m = 2; m <= 5 && any(open); ++m) {
+    power *= square;
+    Real sum = end * (2.0 * m + kProductErrors + 1);
+    for (int j = kProductErrors - 1; j >= 0; --j) sum = sum * s + rules[m].error[j] * (2.0 * m + j + 1);
+    const Real left = power * sum;
+    const Mask take = open & (left <= limit);
+    choice = take ? splat(double{kProduct} + m) : choice;
+    bound = take ? left : bound;
+    open = open & ~take;
+  }
+}
+
+/// Whether a product rule takes less time than an edge rule of patches of any shape.
+inline Mask product_is_cheaper(Real product, Real edges) {
+  const Real points = product - double{kProduct};
+  return (product > splat(kContour)) &
+         ((points <= 3) | (edges == splat(kContour)) | (edges > 2.0 * points - 5.0 + double{kEdges}));
+}
+
 /// Least squared distances of the middles of edges from the other patch's edges over the squared half edges: of edges
 /// that are not at right angles, for those do not count; and the least squared distance.
 struct EdgeDistances {
@@ -156,7 +187,8 @@ struct CentreBounds {
 };
 
 void classify(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
-              const EdgeRule* edge_rules, std::int32_t* choices, double* bounds_found) {
+              const EdgeRule* edge_rules, const ProductRule* product_rules, std::int32_t* choices,
+              double* bounds_found) {
   for (int start = 0; start < count; start += kLanes) {
     const int lanes_used = count - start < kLanes ? count - start : kLanes;
     const Lanes first_lanes(first + start, lanes_used), second_lanes(second + start, lanes_used);
@@ -239,6 +271,20 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
       by_edges = ~bounds.parallelograms & (by_edges > splat(kEdges)) ? by_edges + 1.0 : by_edges;
       choice = asked ? by_edges : choice;
       bound = asked ? edge_bound + rounding : bound;
+      const Mask general = asked & ~bounds.parallelograms & (gap > 0);
+      if (any(general)) {
+        const Real inverse_gap = 1.0 / max(gap, splat(1e-100)), coefficient = area * (1 / kPi) * square_of(inverse_gap);
+        const Real s = max(sizes_a.half_edge, sizes_b.half_edge) * inverse_gap;
+        const Real product_rounding =
+            coefficient * square_of(inverse_gap) * kEpsilon *
+            (40.0 * (over_b.high + over_a.high) + 64.0 * over_b.high * over_a.high * (1.0 + inverse_gap));
+        Real by_product, product_bound;
+        choose_product(coefficient, s, max(density_skew(first_lanes), density_skew(second_lanes)),
+                       limit - product_rounding, product_rules, by_product, product_bound);
+        const Mask cheaper = general & product_is_cheaper(by_product, by_edges);
+        choice = cheaper ? by_product : choice;
+        bound = cheaper ? product_bound + product_rounding : bound;
+      }
     }
     // The height of the visible parts bounds what a clamped rule can miss where one plane cuts the other patch.
     const Real inverse_gap = 1.0 / (gap * gap);

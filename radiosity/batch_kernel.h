@@ -10,7 +10,8 @@ namespace interglow::radiosity::batch {
 
 constexpr int kMaxOrder = 6;        ///< points per direction of the largest product rule
 constexpr int kMaxEdgePoints = 24;  ///< points of the largest rule on edges
-constexpr int kErrors = 4;          ///< orders of which a rule's error is known
+constexpr int kErrors = 4;          ///< orders of which an edge rule's error is known
+constexpr int kProductErrors = 8;   ///< of a product rule; odd ones too
 constexpr int kBlock = 256;         ///< pairs classified at a time
 
 /// A polygon as the kernels want it: x(u, v) = origin + u e1 + v e2 + uv e3 over the unit square; a triangle is
@@ -55,6 +56,7 @@ constexpr std::int64_t kZeroMethod = 0, kFarMethod = 1, kEdgeMethod = 2;  ///< v
 struct ProductRule {
   int points;
   double u[2][kMaxOrder * kMaxOrder], v[2][kMaxOrder * kMaxOrder], weight[2][kMaxOrder * kMaxOrder];
+  double error[kProductErrors];  ///< at most, of x^(2m + j) by m points per direction of a quad or a triangle
 };
 
 /// The positive nodes of an even Gauss-Legendre rule on [-1, 1] and their weights over the interval's length.
@@ -75,7 +77,8 @@ enum Choice : std::int32_t {
   kRound,  ///< the centres with moments taken for alike in all directions of the plane
   kMoments,
   kCut,
-  kEdges,
+  kProduct,  ///< kProduct + m: the product rule
+  kEdges = kProduct + kMaxOrder,
   kChoices = kEdges + kMaxEdgePoints + 2
 };
 
@@ -102,8 +105,9 @@ struct Kernels {
   void (*choose)(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
                  const EdgeRule* edge_rules, std::int32_t* choice, double* bound, double* least_area);
   /// Choice and bound of any pair, never kUnsettled.
+  /// @param product_rules  by their points per direction
   void (*classify)(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
-                   const EdgeRule* edge_rules, std::int32_t* choice, double* bound);
+                   const EdgeRule* edge_rules, const ProductRule* product_rules, std::int32_t* choice, double* bound);
   /// By the centres (1), with moments of second order alike in all directions of the plane (2), or the true ones (3).
   void (*centres)(const PatchRecord* const* first, const PatchRecord* const* second, int count, int moments,
                   double* exchange);

@@ -143,6 +143,17 @@ struct Shape {
   }
 };
 
+/// Largest rise of a quad's density from the middle of a straight line to its end, over the middle's; 0 of a triangle
+/// or a parallelogram.
+inline Real density_skew(const Lanes& lanes) {
+  Real density[3];
+  lanes.load(offsetof(PatchRecord, density), density);
+  const Real along_u = 0.5 * magnitude(density[1]), along_v = 0.5 * magnitude(density[2]);
+  const Real middle = density[0] + 0.5 * (density[1] + density[2]), most = max(along_u, along_v);
+  const Real least = middle - most;  // of the middles of lines: the other parameter at either end
+  return least > 0 ? most / least : splat(1e100);
+}
+
 /// Half edges and their middles seen from the origin; a triangle's fourth edge has no length.
 struct Outline {
   Vector half[4], middle[4];

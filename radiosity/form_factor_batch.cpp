@@ -76,6 +76,16 @@ ProductRule make_rule(int m) {
   const detail::GaussRule& plain = detail::gauss_legendre(m);
   std::array<long double, kMaxOrder + 1> node{}, weight{};
   weighted_gauss(m, node.data(), weight.data());
+  for (int j = 0; j < batch::kProductErrors; ++j) {
+    const int order = 2 * m + j;
+    const bool odd = order % 2 != 0;
+    long double of_quad = odd ? 0 : 1.0L / (order + 1), of_triangle = odd ? 1.0L / (order + 2) : 1.0L / (order + 1);
+    for (int i = 0; i < m; ++i) {
+      of_quad -= plain.weight[i] / 2 * std::pow(plain.node[i], order);
+      of_triangle -= weight[i] * std::pow(2 * node[i] - 1, order);
+    }
+    rule.error[j] = static_cast<double>(std::max(std::abs(of_quad), std::abs(of_triangle))) + 1e-18;
+  }
   for (int i = 0; i < m; ++i)
     for (int j = 0; j < m; ++j) {
       const int k = i * m + j;
@@ -88,13 +98,16 @@ ProductRule make_rule(int m) {
   return rule;
 }
 
-const ProductRule& product_rule(int m) {
-  static const std::array<ProductRule, kMaxOrder + 1> kRules = [] {
-    std::array<ProductRule, kMaxOrder + 1> made{};
+using ProductRules = std::array<ProductRule, kMaxOrder + 1>;
+
+/// By their points per direction.
+const ProductRules& product_rules() {
+  static const ProductRules kRules = [] {
+    ProductRules made{};
     for (int i = 1; i <= kMaxOrder; ++i) made[i] = make_rule(i);
     return made;
   }();
-  return kRules[m];
+  return kRules;
 }
 
 using EdgeRules = std::array<EdgeRule, kMaxEdgePoints / 2 + 1>;
@@ -131,7 +144,7 @@ Vector3d load(const double (&from)[3]) { return {from[0], from[1], from[2]}; }
 /// Σ weight f(x - centre) over the 6 x 6 rule: exact for polynomials of degree 10.
 template <class Function>
 double mean_of(const PatchRecord& record, Function f) {
-  const ProductRule& rule = product_rule(kMaxOrder);
+  const ProductRule& rule = product_rules()[kMaxOrder];
   const int shape = record.triangle > 0 ? 1 : 0;
   double sum = 0;
   for (int i = 0; i < kMaxOrder * kMaxOrder; ++i) {
@@ -339,7 +352,7 @@ void FormFactorBatch::finish(std::uint32_t one, std::span<const std::uint32_t> o
   if (unsettled > 0) {
     pack(unsettled);
     kernels_->classify(packed_first.data(), packed_second.data(), unsettled, tolerance, edge_rules().data(),
-                       packed_choice.data(), packed.data());
+                       product_rules().data(), packed_choice.data(), packed.data());
     for (int i = 0; i < unsettled; ++i) {
       choice[member[i]] = packed_choice[i];
       bound[member[i]] = packed[i];
@@ -378,7 +391,9 @@ void FormFactorBatch::finish(std::uint32_t one, std::span<const std::uint32_t> o
       const int moments = 1 + chosen - batch::kCentres;
       kernels_->centres(one_side, other_side, members, moments, packed.data());
     } else if (chosen == batch::kCut) {
-      kernels_->product(one_side, other_side, members, product_rule(2), packed.data());
+      kernels_->product(one_side, other_side, members, product_rules()[2], packed.data());
+    } else if (chosen < batch::kEdges) {
+      kernels_->product(one_side, other_side, members, product_rules()[chosen - batch::kProduct], packed.data());
     } else {
       const int points = chosen - batch::kEdges;
       kernels_->edges(one_side, other_side, members, edge_rules()[points / 2], points % 2 == 0, packed.data());
@@ -411,7 +426,7 @@ void FormFactorBatch::exchange_areas_by_rule(std::uint32_t one, std::span<const 
     if (rule.family == FixedRule::kCentres) {
       kernels_->centres(first.data(), second.data(), count, rule.points, found);
     } else if (rule.family == FixedRule::kProduct) {
-      kernels_->product(first.data(), second.data(), count, product_rule(rule.points), found);
+      kernels_->product(first.data(), second.data(), count, product_rules()[rule.points], found);
     } else {
       bool parallelograms = true;
       for (int k = 0; k < count; ++k) parallelograms = parallelograms && first[k]->skew >= 0 && second[k]->skew >= 0;
