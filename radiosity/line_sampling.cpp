@@ -22,32 +22,75 @@ std::uint64_t mixed(std::uint64_t x) {
 /// Patches whose centres are nearer than so many times the sum of their radii are seen under angles.
 constexpr double kNear = 1.0;
 
-/// Points of a patch by two numbers in [0, 1), with the Jacobian over the area.
+/// What of a patch lies in front of a plane.
+struct Part {
+  std::array<Vector3d, 5> corner;
+  int corners = 0;
+
+  void add(const Vector3d& p) { corner[static_cast<std::size_t>(corners++)] = p; }
+  const Vector3d& at(int k) const { return corner[static_cast<std::size_t>(k < corners ? k : 0)]; }
+  double area() const {
+    Vector3d sum = Vector3d::Zero();
+    for (int k = 2; k < corners; ++k) sum += (at(k - 1) - at(0)).cross(at(k) - at(0));
+    return 0.5 * sum.norm();
+  }
+};
+
+Part in_front(const Polygon& polygon, const Vector3d& normal, const Vector3d& anchor) {
+  Part part;
+  const auto n = static_cast<std::size_t>(polygon.corners);
+  for (std::size_t k = 0; k < n; ++k) {
+    const Vector3d& p = polygon.corner[k];
+    const Vector3d& q = polygon.corner[k + 1 < n ? k + 1 : 0];
+    const double height = normal.dot(p - anchor);
+    const double next = normal.dot(q - anchor);
+    if (height >= 0.0) part.add(p);
+    if ((height > 0.0 && next < 0.0) || (height < 0.0 && next > 0.0))
+      part.add((p * next - q * height) / (next - height));
+  }
+  return part;
+}
+
+/// Points of a convex polygon by two numbers in [0, 1), with the Jacobian over the area. Five corners are a triangle
+/// and a quad.
 class Points {
  public:
-  Points(const Polygon& polygon, double area)
-      : triangle_(polygon.corners == 3),
-        origin_(polygon.corner[0]),
-        u_(polygon.corner[1] - polygon.corner[0]),
-        v_((triangle_ ? polygon.corner[2] : polygon.corner[3]) - polygon.corner[0]),
-        area_(area) {
-    if (!triangle_) uv_ = polygon.corner[0] - polygon.corner[1] + polygon.corner[2] - polygon.corner[3];
+  explicit Points(const Part& part) {
+    const bool five = part.corners == 5;
+    if (five) {
+      of_triangle_ = Vector3d((part.at(1) - part.at(0)).cross(part.at(2) - part.at(0))).norm() / (2.0 * part.area());
+      u_first_ = part.at(1) - part.at(0);
+      v_first_ = part.at(2) - part.at(0);
+    }
+    const int second = five ? 2 : 1;
+    triangle_ = part.corners == 3;
+    origin_ = part.at(0);
+    u_ = part.at(second) - origin_;
+    v_ = part.at(triangle_ ? 2 : part.corners - 1) - origin_;
+    if (!triangle_) uv_ = part.at(second + 1) - part.at(second) - v_;
     parallelogram_ = triangle_ || uv_.squaredNorm() <= 1e-24 * (u_.squaredNorm() + v_.squaredNorm());
+    area_ = part.area() * (1.0 - of_triangle_);
   }
 
   Vector3d at(double u, double v, double& density) const {
-    if (parallelogram_) {
-      density = 1.0;
-      return triangle_ && u + v > 1.0 ? Vector3d(origin_ + (1.0 - u) * u_ + (1.0 - v) * v_)
-                                      : Vector3d(origin_ + u * u_ + v * v_);
+    density = 1.0;
+    if (u < of_triangle_) {
+      u /= of_triangle_;
+      return origin_ + (u + v > 1.0 ? Vector3d((1.0 - u) * u_first_ + (1.0 - v) * v_first_)
+                                    : Vector3d(u * u_first_ + v * v_first_));
     }
+    u = (u - of_triangle_) / (1.0 - of_triangle_);
+    if (triangle_ && u + v > 1.0) return origin_ + (1.0 - u) * u_ + (1.0 - v) * v_;
+    if (parallelogram_) return origin_ + u * u_ + v * v_;
     density = (u_ + v * uv_).cross(v_ + u * uv_).norm() / area_;
     return origin_ + u * u_ + v * v_ + u * v * uv_;
   }
 
  private:
-  bool triangle_;
+  bool triangle_ = true;
   bool parallelogram_ = true;
+  double of_triangle_ = 0.0;  ///< share of the first triangle of five corners
+  Vector3d u_first_ = Vector3d::Zero(), v_first_ = Vector3d::Zero();
   Vector3d origin_, u_, v_, uv_ = Vector3d::Zero();
   double area_;
 };
@@ -55,6 +98,7 @@ class Points {
 /// Directions from a point to a triangle, uniform in solid angle (Arvo 1995).
 class Directions {
  public:
+  Directions() = default;
   Directions(const Vector3d& point, const Vector3d& a, const Vector3d& b, const Vector3d& c)
       : a_((a - point).stableNormalized()), b_((b - point).stableNormalized()), c_((c - point).stableNormalized()) {
     const Vector3d ab = a_.cross(b_);
@@ -91,6 +135,31 @@ class Directions {
   double solid_angle_ = 0.0;
   double sine_ = 0.0;  ///< of the angle at a
   double cosine_ = 1.0;
+};
+
+/// Directions to the triangles of a convex polygon.
+class Cone {
+ public:
+  Cone(const Vector3d& point, const Part& part) {
+    for (int k = 2; k < part.corners; ++k) {
+      fan_[static_cast<std::size_t>(k - 2)] = Directions(point, part.at(0), part.at(k - 1), part.at(k));
+      solid_angle_ += fan_[static_cast<std::size_t>(k - 2)].solid_angle();
+    }
+    triangles_ = static_cast<std::size_t>(part.corners - 2);
+  }
+  double solid_angle() const { return solid_angle_; }
+  Vector3d at(double area, double height) const {
+    double left = area * solid_angle_;
+    std::size_t k = 0;
+    while (k + 1 < triangles_ && left >= fan_[k].solid_angle()) left -= fan_[k++].solid_angle();
+    const double whole = fan_[k].solid_angle();
+    return fan_[k].at(whole > 0.0 ? std::min(1.0, left / whole) : 0.0, height);
+  }
+
+ private:
+  std::array<Directions, 3> fan_;
+  std::size_t triangles_ = 0;
+  double solid_angle_ = 0.0;
 };
 
 double radius(const Polygon& polygon, const Vector3d& centre) {
@@ -141,11 +210,14 @@ int LineSampler::add(int i, int j, std::uint64_t draw, int count) {
       (centre_j - centre_i).norm() < kNear * (radius(tree_.polygon(i), centre_i) + radius(tree_.polygon(j), centre_j));
   // Near by, the larger patch is seen from the smaller one under an angle that varies less than the squared distance.
   if (near && elements_.area_mm2[j] < elements_.area_mm2[i]) std::swap(i, j);
-  const Points from(tree_.polygon(i), elements_.area_mm2[i]);
-  const Points to(tree_.polygon(j), elements_.area_mm2[j]);
-  const Polygon& source = tree_.polygon(j);
   const Vector3d normal_i = elements_.normal.row(i).transpose();
   const Vector3d normal_j = elements_.normal.row(j).transpose();
+  const Part part_i = in_front(tree_.polygon(i), normal_j, tree_.polygon(j).corner[0]);
+  const Part part_j = in_front(tree_.polygon(j), normal_i, tree_.polygon(i).corner[0]);
+  if (part_i.corners < 3 || part_j.corners < 3) return 0;
+  const Points from(part_i);
+  const Points to(part_j);
+  const double of_parts = part_i.area() / elements_.area_mm2[i] * (near ? 1.0 : part_j.area()) / elements_.area_mm2[j];
   const int face_i = elements_.face[static_cast<std::size_t>(i)];
   const int face_j = elements_.face[static_cast<std::size_t>(j)];
   int found = 0;
@@ -162,23 +234,12 @@ int LineSampler::add(int i, int j, std::uint64_t draw, int count) {
     Vector3d line;
     double weight = 0.0;
     if (near) {
-      const double height = normal_j.dot(p - source.corner[0]);
+      const double height = normal_j.dot(p - part_j.corner[0]);
       if (!(height > 0.0)) continue;
-      const Directions one(p, source.corner[0], source.corner[1], source.corner[2]);
-      double whole = one.solid_angle();
-      double area = u[2];
-      Vector3d direction;
-      if (source.corners == 3) {
-        direction = one.at(area, u[3]);
-      } else {
-        const Directions two(p, source.corner[0], source.corner[2], source.corner[3]);
-        whole += two.solid_angle();
-        area *= whole;
-        direction = area < one.solid_angle() ? one.at(area / one.solid_angle(), u[3])
-                                             : two.at((area - one.solid_angle()) / two.solid_angle(), u[3]);
-      }
+      const Cone cone(p, part_j);
+      const Vector3d direction = cone.at(u[2], u[3]);
       const double in = -normal_j.dot(direction);
-      weight = density_i * whole * normal_i.dot(direction);
+      weight = of_parts * density_i * cone.solid_angle() * normal_i.dot(direction);
       if (!(weight > 0.0 && in > 0.0)) continue;
       line = height / in * direction;
     } else {
@@ -187,7 +248,7 @@ int LineSampler::add(int i, int j, std::uint64_t draw, int count) {
       const double in = -normal_j.dot(line);
       if (!(out > 0.0 && in > 0.0)) continue;
       const double squared = line.squaredNorm();
-      weight = density_i * density_j * out * in / (squared * squared);
+      weight = of_parts * density_i * density_j * out * in / (squared * squared);
     }
     weights_.push_back(weight);
     segments_.push_back({p, p + line, face_i, face_j});

@@ -32,9 +32,10 @@ struct LineSums {
   bool agree() const { return seen == 0.0 || seen == whole; }
 };
 
-/// Lines between points of a lattice over both elements, weighted by cosines over squared distance. The lattice is
-/// moved by a hash of the two numbers and the draw: draws are independent, pairs are, and results do not depend on
-/// threads.
+/// Lines between points of a lattice over those parts of both elements that lie in front of the other's plane, weighted
+/// so that their mean is that of cosines over squared distance over both elements. Of elements that are near, points of
+/// the smaller one and directions uniform in the solid angle of the other. The lattice is moved by a hash of the two
+/// numbers and the draw: draws are independent, pairs are, and results do not depend on threads.
 class LineSampler {
  public:
   /// Keeps references to all.

@@ -35,11 +35,13 @@ constexpr std::size_t kTasks = 1024;
 /// More polygons than this in the way of one pair are sampled by rays: clipping would cost more than the tolerance is
 /// worth.
 constexpr std::size_t kMostClipped = 12;
-/// Lines between two clusters, one of them black, that must all be blocked for the pair to be dropped.
-constexpr int kClusterLines = 256;
+/// Lines between two clusters, one of them black, that must all be blocked for the pair to be dropped: at least so
+/// many, and so many times the inverse tolerance, which leaves a quarter of it in doubt where a row sees nothing else.
+constexpr int kLeastClusterLines = 256;
+constexpr double kClusterLines = 4.0;
 /// Draws of lines other than those of sampled tiles.
 constexpr std::uint64_t kLonePairs = 2;
-constexpr std::uint64_t kClusterLine = 16;
+constexpr std::uint64_t kClusterLine = std::uint64_t{1} << 32;
 /// Lines of a pair past few bodies that the cells give up.
 constexpr int kManyLines = 4096;
 
@@ -384,9 +386,12 @@ bool Descent::hidden_by_lines(int a, int b) {
   const Cluster& ca = cluster(a);
   const Cluster& cb = cluster(b);
   constexpr std::array<double, 2> kStep = {0.7548776662466927, 0.5698402909980532};
+  const int enough = std::max(kLeastClusterLines, static_cast<int>(kClusterLines / problem_.params.tolerance));
+  // Fewer lines settle the pairs one by one.
+  if (enough > 2.0 * ca.count * cb.count) return false;
   double factor = 0.0;  // mean over the lines of the form factor from a member of a to all of b
   int lines = 0;
-  for (int number = 0; number < 4 * kClusterLines && lines < kClusterLines;) {
+  for (int number = 0; number < 4 * enough && lines < enough;) {
     lines_->clear();
     constexpr int kTogether = 32;
     double areas = 0.0;
@@ -395,7 +400,7 @@ bool Descent::hidden_by_lines(int a, int b) {
       const double y = (number + 0.5) * kStep[1];
       const int i = element(ca.first + static_cast<int>((x - std::floor(x)) * ca.count));
       const int j = element(cb.first + static_cast<int>((y - std::floor(y)) * cb.count));
-      if (lines_->add(std::min(i, j), std::max(i, j), kClusterLine + number, 1) > 0)
+      if (lines_->add(std::min(i, j), std::max(i, j), kClusterLine + static_cast<std::uint64_t>(number), 1) > 0)
         areas += problem_.elements.area_mm2[j];
     }
     if (lines_->size() == 0) continue;
@@ -408,7 +413,7 @@ bool Descent::hidden_by_lines(int a, int b) {
     lines += static_cast<int>(lines_->size());
     factor += areas / static_cast<double>(lines_->size()) * cb.count * weights / std::numbers::pi;
   }
-  if (lines < kClusterLines) return false;
+  if (lines < enough) return false;
   count_blocked(a, b);
   const double in_doubt = std::min(1.0, factor / lines) / lines;
   for (int k = ca.first; k < ca.first + ca.count; ++k) row_errors.push_back({.element = element(k), .bound = in_doubt});
