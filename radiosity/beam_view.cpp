@@ -13,6 +13,8 @@ namespace interglow::radiosity {
 namespace {
 
 constexpr int kLeafFaces = 4;
+/// Nodes that wait at once: halves of halves down to a leaf, and all faces have numbers of 32 bits.
+constexpr std::size_t kDeepest = 40;
 /// Heights over a face's plane below this share of the distance are rounding of the coordinates.
 constexpr double kPlaneNoise = 1e-12;
 /// Pieces below this share of the face are dropped; they come from edges that run along one another.
@@ -50,6 +52,24 @@ void split(const Outline& outline, const Eigen::Vector2d& a, const Eigen::Vector
     here = there;
   }
 }
+
+/// Whether a side of one outline has all of the other beyond it.
+bool apart(const Outline& one, const Outline& other) {
+  for (std::size_t k = 0; k < one.size(); ++k) {
+    const Eigen::Vector2d& a = one[k];
+    const Eigen::Vector2d edge = one[k + 1 == one.size() ? 0 : k + 1] - a;
+    if (edge == Eigen::Vector2d::Zero()) continue;
+    if (std::all_of(other.begin(), other.end(), [&](const Eigen::Vector2d& p) { return cross(edge, p - a) <= 0.0; }))
+      return true;
+  }
+  return false;
+}
+
+struct Blocker {
+  double overlap;
+  int face;
+  Outline shadow;
+};
 
 /// Cuts a convex shadow out of disjoint convex pieces.
 class LitPieces {
@@ -146,6 +166,42 @@ double BeamView::lit_area(int face, const Eigen::Vector3d& normal) const {
   return sum;
 }
 
+std::vector<Eigen::Vector2d> BeamView::shadow_of(int face, const Eigen::Vector3d& origin,
+                                                 const Eigen::Vector3d& normal) const {
+  const mesh::Face& corners = faces_.corners[static_cast<std::size_t>(face)];
+  const int count = mesh::corner_count(corners);
+  std::array<Eigen::Vector3d, 4> position;
+  std::array<double, 4> height{};
+  double highest = 0.0;
+  for (int k = 0; k < count; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    position[i] = faces_.points[static_cast<std::size_t>(corners[i])] - origin;
+    height[i] = normal.dot(position[i]);
+    highest = std::max(highest, height[i]);
+  }
+  Outline shadow;
+  if (highest == 0.0) return shadow;
+  double extent = 0.0;
+  for (int k = 0; k < count; ++k) extent = std::max(extent, position[static_cast<std::size_t>(k)].norm());
+  if (highest <= kPlaneNoise * extent) return shadow;
+  for (int k = 0; k < count; ++k) {
+    double& h = height[static_cast<std::size_t>(k)];
+    if (std::abs(h) <= kPlaneNoise * extent) h = 0.0;
+  }
+  for (int k = 0; k < count; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    const auto j = static_cast<std::size_t>((k + 1) % count);
+    if (height[i] >= 0.0) shadow.push_back(across(position[i]));
+    if ((height[i] > 0.0 && height[j] < 0.0) || (height[i] < 0.0 && height[j] > 0.0)) {
+      shadow.push_back(across(position[i] + (height[i] / (height[i] - height[j])) * (position[j] - position[i])));
+    }
+  }
+  const double area = shadow.size() < 3 ? 0.0 : signed_area(shadow);
+  if (area == 0.0) shadow.clear();  // the beam grazes it
+  if (area < 0.0) std::reverse(shadow.begin(), shadow.end());
+  return shadow;
+}
+
 std::vector<std::vector<Eigen::Vector2d>> BeamView::lit_outlines(int face, const Eigen::Vector3d& normal) const {
   if (!(normal.dot(direction_) < 0.0)) return {};
   const auto f = static_cast<std::size_t>(face);
@@ -163,30 +219,43 @@ std::vector<std::vector<Eigen::Vector2d>> BeamView::lit_outlines(int face, const
   }
   if (signed_area(outline) < 0.0) std::reverse(outline.begin(), outline.end());
 
-  struct Blocker {
-    double overlap;
-    int face;
+  const Box& own = box_[f];
+  struct Side {
+    Eigen::Vector2d from, edge;
+  };
+  std::array<Side, 4> sides;
+  const std::size_t side_count = outline.size();
+  for (std::size_t k = 0; k < side_count; ++k)
+    sides[k] = {across(origin) + outline[k], outline[k + 1 == side_count ? 0 : k + 1] - outline[k]};
+  // Boxes that the beam meets together with this face; its own box alone holds much beside a long face that lies askew.
+  const auto may_block = [&](const Box& box) {
+    if (!(box.top > bottom && (box.low < own.high).all() && (own.low < box.high).all())) return false;
+    for (std::size_t k = 0; k < side_count; ++k) {
+      const auto& [from, edge] = sides[k];
+      const Eigen::Vector2d innermost(edge.y() > 0.0 ? box.low.x() : box.high.x(),
+                                      edge.x() > 0.0 ? box.high.y() : box.low.y());
+      if (cross(edge, innermost - from) < 0.0) return false;
+    }
+    return true;
   };
   std::vector<Blocker> blockers;
-  std::vector<int> stack = {0};
-  const Box& own = box_[f];
-  const auto overlaps = [&](const Box& box) {
-    return box.top > bottom && (box.low < own.high).all() && (own.low < box.high).all();
-  };
-  while (!stack.empty()) {
-    const Node& node = nodes_[static_cast<std::size_t>(stack.back())];
-    stack.pop_back();
-    if (!overlaps(node.box)) continue;
+  std::array<int, kDeepest> stack{};
+  std::size_t waiting = 1;
+  while (waiting > 0) {
+    const Node& node = nodes_[static_cast<std::size_t>(stack[--waiting])];
+    if (!may_block(node.box)) continue;
     if (node.count == 0) {
-      stack.push_back(node.first);
-      stack.push_back(node.right);
+      stack[waiting++] = node.first;
+      stack[waiting++] = node.right;
       continue;
     }
     for (int k = node.first; k < node.first + node.count; ++k) {
       const int other = order_[static_cast<std::size_t>(k)];
       const Box& box = box_[static_cast<std::size_t>(other)];
-      if (other == face || !overlaps(box)) continue;
-      blockers.push_back({(box.high.min(own.high) - box.low.max(own.low)).prod(), other});
+      if (other == face || !may_block(box)) continue;
+      Outline shadow = shadow_of(other, origin, normal);
+      if (shadow.empty() || apart(shadow, outline) || apart(outline, shadow)) continue;
+      blockers.push_back({(box.high.min(own.high) - box.low.max(own.low)).prod(), other, std::move(shadow)});
     }
   }
   // Large shadows first: fewer pieces, and often nothing is left for the small ones.
@@ -195,40 +264,8 @@ std::vector<std::vector<Eigen::Vector2d>> BeamView::lit_outlines(int face, const
   });
 
   LitPieces lit(std::move(outline));
-  Outline shadow;
   for (const Blocker& blocker : blockers) {
-    const mesh::Face& other = faces_.corners[static_cast<std::size_t>(blocker.face)];
-    const int count = mesh::corner_count(other);
-    std::array<Eigen::Vector3d, 4> position;
-    std::array<double, 4> height{};
-    double extent = 0.0;
-    double highest = 0.0;
-    for (int k = 0; k < count; ++k) {
-      const auto i = static_cast<std::size_t>(k);
-      position[i] = point(other, k) - origin;
-      height[i] = normal.dot(position[i]);
-      extent = std::max(extent, position[i].norm());
-    }
-    for (int k = 0; k < count; ++k) {
-      double& h = height[static_cast<std::size_t>(k)];
-      if (std::abs(h) <= kPlaneNoise * extent) h = 0.0;
-      highest = std::max(highest, h);
-    }
-    if (highest == 0.0) continue;
-    // Only what stands in front of the face's plane can hide it.
-    shadow.clear();
-    for (int k = 0; k < count; ++k) {
-      const auto i = static_cast<std::size_t>(k);
-      const auto j = static_cast<std::size_t>((k + 1) % count);
-      if (height[i] >= 0.0) shadow.push_back(across(position[i]));
-      if ((height[i] > 0.0 && height[j] < 0.0) || (height[i] < 0.0 && height[j] > 0.0)) {
-        shadow.push_back(across(position[i] + (height[i] / (height[i] - height[j])) * (position[j] - position[i])));
-      }
-    }
-    const double area = shadow.size() < 3 ? 0.0 : signed_area(shadow);
-    if (area == 0.0) continue;  // the beam grazes it
-    if (area < 0.0) std::reverse(shadow.begin(), shadow.end());
-    lit.subtract(shadow);
+    lit.subtract(blocker.shadow);
     if (lit.empty()) return {};
   }
   return lit.take();

@@ -43,6 +43,9 @@ class BeamView {
   };
 
   int build(int first, int count);
+  /// What of a face stands in front of a plane, as a convex outline across the beam relative to `origin`, a point of
+  /// the plane; counter-clockwise. Empty if nothing does.
+  std::vector<Eigen::Vector2d> shadow_of(int face, const Eigen::Vector3d& origin, const Eigen::Vector3d& normal) const;
   Eigen::Vector2d across(const Eigen::Vector3d& point) const { return {u_.dot(point), v_.dot(point)}; }
 
   const Faces& faces_;
