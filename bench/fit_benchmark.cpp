@@ -116,8 +116,9 @@ int main(int argc, char** argv) {
   const fitting::ForwardParams forward{.transport = problem.transport};
   const fitting::ForwardModel model(problem.scene, forward);
   const fitting::ForwardModel coarse(problem.scene, fitting::coarser(forward));
+  const fitting::ForwardModel coarsest(problem.scene, fitting::coarser(fitting::coarser(forward)));
   clock.lap("form factors");
-  for (const fitting::ForwardModel* one : {&model, &coarse}) {
+  for (const fitting::ForwardModel* one : {&model, &coarse, &coarsest}) {
     fmt::print("  {} elements, {:.1f} million pairs that exchange light, {} modes\n", one->elements().size(),
                1e-6 * static_cast<double>(one->transport().report().stored_pairs), one->spectra().modes());
     std::fflush(stdout);
@@ -139,7 +140,9 @@ int main(int argc, char** argv) {
   for (const fitting::FitStage& stage : fit.stages)
     fmt::print("  {} at {} px: {} iterations, {:.4g} to {:.4g}, {}\n", stage.name, stage.width, stage.iterations,
                stage.cost_before, stage.cost, stage.end);
-  const fitting::Uncertainty found = fitting::examine(model, fit, params, {.coarser = &coarse});
+  const fitting::Uncertainty found = fitting::examine(model, fit, params, {.coarser = &coarse, .coarsest = &coarsest});
   clock.lap("uncertainty");
-  fmt::print("w {:.5f} ± {:.5f}, χ² {:.4f}\n", fit.state.w, found.find(fitting::kW)->sd, fit.chi_square);
+  const fitting::ParameterEstimate& w = *found.find(fitting::kW);
+  fmt::print("w {:.5f} ± {:.5f}, of which the patches' width took {:.5f} ± {:.5f}; χ² {:.4f}\n", w.value, w.sd,
+             w.mesh_shift, w.mesh_sd, fit.chi_square);
 }

@@ -92,11 +92,12 @@ int fit(const Options& options, const Session& session) {
                                        .bounces = description.solve.bounces};
   fitting::ForwardModel model(built.scene, forward, session.progress);
   const fitting::ForwardModel coarse(built.scene, fitting::coarser(forward), session.progress);
+  const fitting::ForwardModel coarsest(built.scene, fitting::coarser(fitting::coarser(forward)), session.progress);
   params.small_pictures = &coarse;
   const fitting::FitState start = model.initial_state();
   const fitting::SceneFit found = fitting::fit_scene(model, capture, start, params, session.progress);
   const fitting::Uncertainty uncertainty =
-      fitting::examine(model, found, params, {.coarser = &coarse}, session.progress);
+      fitting::examine(model, found, params, {.coarser = &coarse, .coarsest = &coarsest}, session.progress);
   const fitting::Attribution attribution =
       fitting::attribute_w(model, forward, found, params, uncertainty, session.progress);
   const image::SpectralImage fitted = fitting::picture(model, found.state, model.evaluate(found.state, {}));
@@ -115,8 +116,8 @@ int fit(const Options& options, const Session& session) {
   input.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 
   std::filesystem::create_directories(options.out);
-  write_fitted_materials(model, found.state, options.out);
-  const std::string scene_text = fitted_scene_text(description, model, found.state, options.out);
+  write_fitted_materials(model, uncertainty.state, options.out);
+  const std::string scene_text = fitted_scene_text(description, model, uncertainty.state, options.out);
   const report::Json document =
       fit_report(model, capture, start, found, params, uncertainty, attribution, fitted, input);
   image::write_spectral_exr(options.out / "fitted.exr", fitted);

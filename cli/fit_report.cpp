@@ -45,7 +45,7 @@ Json estimate_row(const ParameterEstimate& one) {
   row.push_back(step ? Json("–")
                      : Json(fmt::format("{:.6g} to {:.6g}", one.value - 1.96 * one.sd, one.value + 1.96 * one.sd)));
   row.push_back(fmt::format("{:.2g}", factor * one.model_sd));
-  row.push_back(fmt::format("{:+.2g}", factor * one.mesh_shift));
+  row.push_back(fmt::format("{:+.2g} ± {:.1g}", factor * one.mesh_shift, factor * one.mesh_sd));
   row.push_back(fmt::format("{:+.1f}", one.half_difference_sigmas));
   return row;
 }
@@ -59,10 +59,10 @@ Json estimates_section(const fitting::Uncertainty& uncertainty) {
       {"text",
        "Standard deviations in sandwich form: from the scatter of small squares of the picture, so that they hold for "
        "residuals that are correlated or larger than the noise. Beside them what noise alone would give, by "
-       "how much the width of the patches moves the value (from patches twice as wide; in the standard deviation), and "
-       "the difference of the fits to the two halves of a chequered picture, in its own standard deviation. They do "
-       "not "
-       "hold for what the model lacks: see the causes below."},
+       "how much the width of the patches moved the fit (from patches twice and four times as wide; taken off the "
+       "value, what is uncertain of it is in the standard deviation), and the difference of the fits to the two halves "
+       "of a chequered picture, in its own standard deviation. They do not hold for what the model lacks: see the "
+       "causes below."},
       {"columns",
        {"Parameter", "Value", "Unit", "Standard deviation", "95 % interval", "By noise alone", "By patches",
         "Halves differ [σ]"}},
@@ -89,8 +89,7 @@ Json weak_section(const fitting::Uncertainty& uncertainty) {
       {"type", "text"}, {"title", "What the capture does not determine"}, {"paragraphs", paragraphs}, {"items", items}};
 }
 
-Json state_section(const fitting::FitState& start, const fitting::SceneFit& fit) {
-  const fitting::FitState& end = fit.state;
+Json state_section(const fitting::FitState& start, const fitting::FitState& end, const fitting::SceneFit& fit) {
   const auto angle = [](const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
     return std::atan2(a.cross(b).norm(), a.dot(b)) * 180.0 / std::numbers::pi;
   };
@@ -270,7 +269,7 @@ report::Json fit_report(const fitting::ForwardModel& model, const fitting::Captu
                         const image::SpectralImage& fitted, const FitReportInput& input) {
   const auto [state, sentence] = fit_verdict(fit, uncertainty, attribution);
   Json sections = Json::array();
-  sections.push_back(state_section(start, fit));
+  sections.push_back(state_section(start, uncertainty.state, fit));
   sections.push_back(weak_section(uncertainty));
   sections.push_back(estimates_section(uncertainty));
   if (uncertainty.profile) sections.push_back(profile_section(*uncertainty.profile));

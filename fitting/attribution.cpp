@@ -159,6 +159,7 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
   const MatrixXd columns = system.leftCols(count) * basis;
   const Eigen::ColPivHouseholderQR<MatrixXd> qr(columns);
   const ParameterEstimate* w = uncertainty.find(kW);
+  const double fitted_w = uncertainty.state.w;
   const double inflation = w != nullptr && w->model_sd > 0.0 ? std::max(1.0, w->sd / w->model_sd) : excess;
   const auto without = [&](const VectorXd& v) -> VectorXd { return v - columns * qr.solve(v); };
   // What w changes that the other parameters do not.
@@ -184,11 +185,11 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
     if (!cause.absorbed) {
       cause.amplitude = left.dot(residual) / left.squaredNorm();
       cause.amplitude_sd = inflation / left.norm();
-      cause.w_with = state.w - cause.amplitude * cause.shift;
+      cause.w_with = fitted_w - cause.amplitude * cause.shift;
       cause.supported = std::abs(cause.amplitude) > 3.0 * cause.amplitude_sd && std::abs(cause.amplitude) <= 3.0 &&
-                        std::abs(cause.w_with - 1.0) < 0.7 * std::abs(state.w - 1.0);
+                        std::abs(cause.w_with - 1.0) < 0.7 * std::abs(fitted_w - 1.0);
     } else {
-      cause.w_with = state.w;
+      cause.w_with = fitted_w;
     }
     result.causes.push_back(cause);
   }
@@ -199,9 +200,9 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
     result.sentence = "The capture does not determine w/w', so nothing can be said about its cause.";
     return result;
   }
-  if (std::abs(state.w - 1.0) < 2.0 * sd) {
+  if (std::abs(fitted_w - 1.0) < 2.0 * sd) {
     result.verdict = AttributionVerdict::kNotNeeded;
-    result.sentence = fmt::format("w/w' = {:.4f} ± {:.4f} agrees with 1: nothing needs a cause.", state.w, sd);
+    result.sentence = fmt::format("w/w' = {:.4f} ± {:.4f} agrees with 1: nothing needs a cause.", fitted_w, sd);
     return result;
   }
   std::vector<const Cause*> supported;
@@ -220,18 +221,18 @@ Attribution attribute_w(ForwardModel& model, const ForwardParams& forward, const
     result.sentence = fmt::format(
         "w/w' = {:.4f} ± {:.4f} is explained by {}: the residuals hold {:.2f} ± {:.2f} times \"{}\", with which w/w' "
         "is {:.4f}.",
-        state.w, sd, whole[0]->name, whole[0]->amplitude, whole[0]->amplitude_sd, whole[0]->size, whole[0]->w_with);
+        fitted_w, sd, whole[0]->name, whole[0]->amplitude, whole[0]->amplitude_sd, whole[0]->size, whole[0]->w_with);
   } else if (supported.size() >= 2) {
     result.verdict = AttributionVerdict::kShared;
     result.sentence =
-        fmt::format("w/w' = {:.4f} ± {:.4f}: more than one cause fits the residuals, among them {} and {}.", state.w,
+        fmt::format("w/w' = {:.4f} ± {:.4f}: more than one cause fits the residuals, among them {} and {}.", fitted_w,
                     sd, supported[0]->name, supported[1]->name);
   } else {
     result.verdict = AttributionVerdict::kUndetermined;
     result.sentence = fmt::format(
         "w/w' = {:.4f} ± {:.4f}: {} of the causes tried brings it to 1 in a way that the residuals "
         "support.",
-        state.w, sd, supported.empty() ? "none" : "only part is taken by " + supported[0]->name + "; none");
+        fitted_w, sd, supported.empty() ? "none" : "only part is taken by " + supported[0]->name + "; none");
   }
   return result;
 }

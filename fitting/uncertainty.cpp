@@ -26,6 +26,7 @@ constexpr double kRounding = 1e-7;
 constexpr double kTakesPart = 0.25;
 constexpr double kGrey = 0.01;             ///< relative variation of a reflectance that counts as none
 constexpr double kRichardson = 3.0;        ///< 2² - 1: order 2 in the width of patches
+constexpr double kLeastRatio = 2.0;        ///< of shifts when patches become twice as wide: order 1
 constexpr double kInterval95 = 3.8414588;  ///< χ² with one degree of freedom
 
 MatrixXd with_priors(const SceneFit& fit, const FitParams& params) {
@@ -109,17 +110,46 @@ Spread spread_of(const MatrixXd& seen, const SceneFit& fit, const VectorXd& rang
           ranges.asDiagonal() * root.transpose() * root * ranges.asDiagonal()};
 }
 
-/// Shift of the free parameters by a model's error, (H + B)⁻¹ Jᵀ W error.
-VectorXd mesh_shift_of(const ForwardModel& model, const ForwardModel& coarser, const SceneFit& fit,
-                       const FitParams& params, const Spread& spread, const Progress& progress) {
+/// How far the width of the patches has moved the free parameters, and the covariance of that.
+struct MeshShift {
+  VectorXd shift;
+  MatrixXd covariance;
+};
+
+/// Extrapolates to patches of no width. A picture's change when patches become twice as wide moves the parameters by
+/// d = (H + B)⁻¹ Jᵀ W change to first order: d1 from this mesh to the next wider, d2 from there to the widest. Errors
+/// of order p make d2 = 2^p d1, and the fit lies d1 / (2^p - 1) off. One order is found for all parameters, in the
+/// measure of what the capture sees, so that they move together; what d2 has beside that and the difference to order 2
+/// count as uncertain.
+MeshShift mesh_shift_of(const ForwardModel& model, const UncertaintyParams& meshes, const SceneFit& fit,
+                        const FitParams& params, const Spread& spread, const Progress& progress) {
   const auto count = static_cast<Index>(fit.free.size());
+  const MeshShift none{VectorXd::Zero(count), MatrixXd::Zero(count, count)};
+  if (meshes.coarser == nullptr) return none;
   const Evaluation here = model.evaluate(fit.state, fit.free, progress);
-  const Evaluation coarse = coarser.evaluate(fit.state, {}, progress);
-  if (coarse.channels.cols() != here.channels.cols()) return VectorXd::Zero(count);
-  const CompressedAt at =
-      compress(model, fit.data, fit.state, here, fit.free, params, {(here.channels - coarse.channels) / kRichardson});
-  const MatrixXd& triangle = at.all.shared_triangle;
-  return spread.by_weights * (triangle.leftCols(count).transpose() * triangle.col(count + 1));
+  const Evaluation coarse = meshes.coarser->evaluate(fit.state, {}, progress);
+  if (coarse.channels.cols() != here.channels.cols()) return none;
+  std::vector<radiosity::RowMatrix> changes{here.channels - coarse.channels};
+  if (meshes.coarsest != nullptr) {
+    const Evaluation coarsest = meshes.coarsest->evaluate(fit.state, {}, progress);
+    if (coarsest.channels.cols() == here.channels.cols()) changes.emplace_back(coarse.channels - coarsest.channels);
+  }
+  const MatrixXd triangle = compress(model, fit.data, fit.state, here, fit.free, params, changes).all.shared_triangle;
+  const MatrixXd score = triangle.leftCols(count).transpose() * triangle.rightCols(static_cast<Index>(changes.size()));
+  const MatrixXd d = spread.by_weights * score;
+  double ratio = 0.0;
+  if (changes.size() > 1) ratio = score.col(0).dot(d.col(1)) / std::max(score.col(0).dot(d.col(0)), 1e-300);
+  MeshShift result = none;
+  if (ratio < kLeastRatio) {  // not seen, or not yet on the way to a limit
+    result.shift = d.col(0) / kRichardson;
+    result.covariance = std::pow(1.0 - 1.0 / kRichardson, 2) * d.col(0) * d.col(0).transpose();
+    return result;
+  }
+  result.shift = d.col(0) / (ratio - 1.0);
+  const VectorXd beside = (d.col(1) - ratio * d.col(0)) / (ratio * (ratio - 1.0));
+  result.covariance = std::pow(1.0 / (ratio - 1.0) - 1.0 / kRichardson, 2) * d.col(0) * d.col(0).transpose() +
+                      beside * beside.transpose();
+  return result;
 }
 
 /// What the scene leaves open whatever is captured.
@@ -279,10 +309,11 @@ Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitPar
   const Subspace space = split_directions(seen, ranges, excess / params.weak_share);
   const MatrixXd basis = ranges.asDiagonal() * space.strong;
   const Spread spread = spread_of(seen, fit, ranges, open);
-  const VectorXd mesh_shift = params.coarser == nullptr
-                                  ? VectorXd::Zero(count)
-                                  : mesh_shift_of(model, *params.coarser, fit, fit_params, spread, progress);
-  result.covariance = spread.covariance + mesh_shift * mesh_shift.transpose();
+  const MeshShift mesh = mesh_shift_of(model, params, fit, fit_params, spread, progress);
+  result.covariance = spread.covariance + mesh.covariance;
+  VectorXd correction = VectorXd::Zero(shared_count(model.scene()));
+  for (Index k = 0; k < count; ++k) correction[fit.free[static_cast<std::size_t>(k)]] = -mesh.shift[k];
+  result.state = moved(fit.state, correction);
   result.correlation = MatrixXd::Zero(count, count);
   for (Index i = 0; i < count; ++i) {
     for (Index j = 0; j < count; ++j)
@@ -312,10 +343,11 @@ Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitPar
     one.parameter = fit.free[static_cast<std::size_t>(k)];
     one.name = parameter_name(model.scene(), fit.state, one.parameter);
     one.unit = parameter_unit(one.parameter);
-    one.value = value_of(fit.state, one.parameter);
+    one.value = value_of(result.state, one.parameter);
     one.sd = std::sqrt(result.covariance(k, k));
     one.model_sd = std::sqrt(spread.by_weights(k, k));
-    one.mesh_shift = mesh_shift[k];
+    one.mesh_shift = mesh.shift[k];
+    one.mesh_sd = std::sqrt(mesh.covariance(k, k));
     one.determined =
         one.sd <= params.weak_share * ranges[k] && !(one.parameter == kBlur && fit.state.blur_px <= kLeastBlur + 1e-9);
     bool named = one.determined;
@@ -338,6 +370,10 @@ Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitPar
   if (params.profile && w != nullptr && w->determined && w->sd < 0.3 * fit.state.w) {
     const Index column = std::find(fit.free.begin(), fit.free.end(), static_cast<int>(kW)) - fit.free.begin();
     result.profile = profile_of(model, fit, fit_params, seen, space, ranges, column, w->sd, inflation, progress);
+    const double taken_off = result.state.w - fit.state.w;
+    for (double& value : result.profile->w) value += taken_off;
+    result.profile->low += taken_off;
+    result.profile->high += taken_off;
   }
   if (fit_params.light) {
     if (const std::optional<Vector3d> axis = normals_axis(model.elements())) {

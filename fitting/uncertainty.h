@@ -18,9 +18,11 @@ struct UncertaintyParams {
   /// plausible range (plausible_ranges): by default 1 degree for the light. In (0, 1].
   double weak_share = 0.1;
   bool profile = true;  ///< of w: six more pictures
-  /// A model of the same scene with patches twice as wide (`coarser`). A third of what that changes is taken for the
-  /// model's own error, whose order is 2 in the patches' width (Richardson); unset: the model is taken as exact.
+  /// Models of the same scene with patches twice as wide (`coarser`) and again. What they change is extrapolated to
+  /// patches of no width (Richardson), and the fit corrected by that. With the first alone the order is taken to be 2
+  /// in the width and may be 1; without it the model is taken as exact.
   const ForwardModel* coarser = nullptr;
+  const ForwardModel* coarsest = nullptr;
 };
 
 /// Turns twice as large, a quarter of the faces at most, and one halving less at contacts.
@@ -36,7 +38,8 @@ struct ParameterEstimate {
   /// Sandwich form; what the data leave open counts with the plausible range.
   double sd = 0.0;
   double model_sd = 0.0;                ///< if the weights were the whole truth
-  double mesh_shift = 0.0;              ///< by the width of the patches; its square is in sd²
+  double mesh_shift = 0.0;              ///< of the fit by the width of the patches; taken off `value`
+  double mesh_sd = 0.0;                 ///< of mesh_shift; in sd
   double half_difference_sigmas = 0.0;  ///< of the two chequered halves of the picture, in its standard deviation
 };
 
@@ -56,6 +59,8 @@ struct WProfile {
 };
 
 struct Uncertainty {
+  /// The fit's, less what the width of the patches moved it by; gains and offsets are the fit's.
+  FitState state;
   std::vector<ParameterEstimate> parameters;
   std::vector<WeakDirection> weak;
   /// What the scene itself leaves open, whatever the capture, and what the capture holds too little of.
@@ -63,7 +68,7 @@ struct Uncertainty {
   /// (H + B)⁻¹ (S + B) (H + B)⁻¹: H curvature, S covariance of the score (not below what the weights say), B the belief
   /// of one plausible range with which the fit began. Nothing is inverted that is singular, and what is not determined
   /// keeps the plausible range, with all that it makes uncertain.
-  /// Plus the square of the shift that the width of the patches makes.
+  /// Plus what is uncertain of the shift that the width of the patches made.
   Eigen::MatrixXd covariance;
   Eigen::MatrixXd correlation;
   std::optional<WProfile> profile;
@@ -74,7 +79,7 @@ struct Uncertainty {
   const ParameterEstimate* find(int parameter) const;
 };
 
-/// @param fit  at its optimum. Cost: an SVD, up to seven pictures, with a coarser model one with all derivatives.
+/// @param fit  at its optimum. Cost: an SVD, up to seven pictures, with coarser models one with all derivatives.
 Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitParams& fit_params,
                     const UncertaintyParams& params = {}, const Progress& progress = {});
 

@@ -159,6 +159,33 @@ TEST(Uncertainty, EqualGreysAreNamed) {
   EXPECT_EQ(coloured.sentences().find("grey"), std::string::npos) << coloured.sentences();
 }
 
+// The capture is a picture on patches some four times as narrow, without noise: what the fit is off by is their width,
+// and what is left of it after the extrapolation is of higher order.
+TEST(Uncertainty, WhatThePatchesWidthMovedIsTakenOff) {
+  const scene::Scene scene =
+      test::half_cylinders({.around = 4, .along = 4, .bands = 3, .side_px = 16, .fluorescent = false});
+  const ForwardParams wide{.mesh = FitMeshParams{.most_turn_deg = 20.0, .contact_halvings = 0}};
+  const ForwardModel narrow(scene, {.mesh = FitMeshParams{.most_turn_deg = 5.0, .contact_halvings = 0}});
+  const ForwardModel model(scene, wide);
+  const ForwardModel coarse(scene, coarser(wide));
+  const ForwardModel coarsest(scene, coarser(coarser(wide)));
+  FitState truth = model.initial_state();
+  truth.gain.setConstant(8000.0);
+  Capture capture;
+  capture.image = picture(narrow, truth, narrow.evaluate(truth, {}));
+  capture.use.assign(16 * 16, 1);
+  capture.value_per_count.assign(3, 1.0F);
+  capture.noise = {1.5, 0.25, 1.0, 0.0};
+  const SceneFit fit = fit_scene(model, capture, truth, kNear);
+  const Uncertainty found = examine(model, fit, kNear, {.profile = false, .coarser = &coarse, .coarsest = &coarsest});
+  const double before = fit.state.w - 1.0;
+  const double after = found.state.w - 1.0;
+  EXPECT_LT(std::abs(after), 0.5 * std::abs(before)) << before << " becomes " << after;
+  EXPECT_EQ(found.find(kW)->value, found.state.w);
+  EXPECT_NEAR(fit.state.w - found.state.w, found.find(kW)->mesh_shift, 1e-12);
+  EXPECT_LT(std::abs(after), 1.96 * found.find(kW)->mesh_sd) << "of which " << found.find(kW)->mesh_shift;
+}
+
 TEST(Uncertainty, ADeterminedTriangleHasNoWeakDirectionAndTheRightVariance) {
   // sd = range / singular value for a diagonal triangle.
   const MatrixXd triangle = VectorXd(Eigen::Vector3d(100.0, 50.0, 1e-9)).asDiagonal();
