@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-/// Many fits of two half cylinders to captures simulated on a finer mesh: do far starts arrive, do intervals cover?
+/// Many fits to captures simulated on a finer mesh or path-traced: do far starts arrive, do intervals cover?
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,12 +16,18 @@
 namespace interglow::test {
 
 struct StudyParams {
+  bool arch = false;  ///< the arch on the plane; otherwise the two half cylinders
   FitSceneParams scene{.around = 10, .along = 3, .bands = 8, .side_px = 48, .fluorescent = true};
   /// How the fitted model makes its faces finer.
   fitting::FitMeshParams mesh{};
   /// Of the captured scene: this many faces around, made twice as fine as the fitted ones, no corner of which they
   /// share.
   int captured_around = 14;
+  /// Captures of intervals are path-traced on `traced_around` faces around, half as many along, with this many paths of
+  /// each pixel; 0: simulated by the same kind of model.
+  int paths = 0;
+  int traced_around = 256;
+  std::optional<std::filesystem::path> keep{};  ///< folder for traced pictures; those there already are taken
   std::uint64_t seed = 1;
   /// Called after every fit with a line about it.
   std::function<void(const std::string&)> report{};
@@ -41,10 +49,26 @@ struct Covered {
   std::string name;
   int determined = 0;
   int covered = 0;
-  double z_square = 0.0;  ///< Σ (error / standard deviation)²
+  double error_sum = 0.0;  ///< Σ (estimate - truth)
+  double sd_sum = 0.0;     ///< Σ standard deviation
+  double z_sum = 0.0;      ///< Σ error / standard deviation
+  double z_square = 0.0;   ///< Σ (error / standard deviation)²
 };
 
-/// Captures with light, pose, w, blur, gains and offsets at random; each is fitted from near its truth.
-std::vector<Covered> study_intervals(const StudyParams& params, int captures);
+struct IntervalStudy {
+  std::vector<Covered> parameters;
+  /// Variance of the tracer over that of the captures, in which it is contained: mean, and the share of values where it
+  /// is larger, so that they are noisier than they say.
+  double tracer_share = 0.0;
+  double too_noisy = 0.0;
+};
+
+/// Captures `first` to `first` + `captures` - 1, with light, pose, w, blur, gains and offsets at random, each from
+/// seeds of its own; each is fitted from near its truth.
+///
+/// Of a path-traced capture light, pose and focal length are traced, w, blur, gains and offsets are applied to what
+/// was. The sensor's noise is drawn with the variance of a 12-bit camera less that of the tracer, which is known from
+/// independent parts of each picture, so that both together are the camera's.
+IntervalStudy study_intervals(const StudyParams& params, int first, int captures);
 
 }  // namespace interglow::test
