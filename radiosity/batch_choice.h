@@ -374,16 +374,20 @@ inline void choose_far_edges(Real coefficient, Real half_edge_square, Real inver
 
 /// By the first line and the sides, where both are parallelograms; kUnsettled for all others.
 void choose(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
-            const EdgeRule* edge_rules, std::int32_t* choices, double* bounds, double* least_areas) {
+            const EdgeRule* edge_rules, std::int32_t* choices, double* bounds) {
   for (int start = 0; start < count; start += kLanes) {
     const int lanes_used = count - start < kLanes ? count - start : kLanes;
     const Lanes first_lanes(first + start, lanes_used), second_lanes(second + start, lanes_used);
     const Centre a(first_lanes), b(second_lanes);
     const Sides sides_a(first_lanes), sides_b(second_lanes);
     const Spread spread_a(a.spread), spread_b(b.spread);
+    if (!any(spread_a.symmetric & spread_b.symmetric)) {
+      store(choices + start, splat(kUnsettled), lanes_used);
+      continue;
+    }
     CentreLine line(a, b);
     line.divide(a, b, 1.0 / max(line.square, splat(1e-280)));
-    const Real distance = square_root(line.square), least_area = min(a.area, b.area), limit = tolerance * least_area;
+    const Real distance = square_root(line.square), limit = tolerance * min(a.area, b.area);
     const FacingPair pair(line, distance, 8.0 + splat(0), a, b, sides_a, sides_b);
     const Mask facing = spread_a.symmetric & spread_b.symmetric & pair.in_front & (a.area * b.area > 0);
     // All but what `beyond` bounds is left by the true moments.
@@ -413,12 +417,35 @@ void choose(const PatchRecord* const* first, const PatchRecord* const* second, i
     bound = moments ? round.without_beyond : bound + rounding;
     store(choices + start, choice, lanes_used);
     store(bounds + start, bound, lanes_used);
-    store(least_areas + start, least_area, lanes_used);
   }
 }
 
+/// Points on the edges of parallelograms that stand some four sizes apart, from the first line alone: with the sides
+/// e1, e2, mean |x - centre|² = (|e1|² + |e2|²) / 12 and `beyond` at least the difference of the principal moments,
+///   h² <= 3/2 (second + beyond),  |e1·e2| <= 6 beyond,  sides <= area + 9 beyond,
+/// D >= r - h - ball', and (h + ball')² <= 2 (h² + ball'²).
+struct FarEdges {
+  Mask holds;  ///< r - D <= 0.3 r, and rounding alone does not exceed the limit
+  Real half_edge_square, reach_square, rounding;
+  FarEdges(const CentreLine& line, const Spread& a, const Spread& b, Real limit)
+      : half_edge_square(1.5 * max(a.second + a.beyond, b.second + b.beyond)),
+        reach_square(2.0 * (half_edge_square + max(a.ball_square, b.ball_square))) {
+    // Σ |e·f| <= 12 (m + m'); the farthest points four times as far as the nearest. Taken for parallelograms: 32 ε h².
+    rounding = kEpsilon * ((kEdgeRoundings * (2 / kPi) * 12 * 16) * (a.second + b.second) + 128.0 * half_edge_square);
+    holds = a.symmetric & b.symmetric & (reach_square * line.inverse_square <= 0.09) & (rounding < limit);
+  }
+  void choose(const CentreLine& line, const Centre& a, const Centre& b, const Spread& spread_a, const Spread& spread_b,
+              Real limit, Mask asked, const EdgeRule* edge_rules, Real& choice, Real& bound) const {
+    const Real distance = square_root(line.square) - square_root(reach_square);
+    const Real turned = (4 / kPi) * (0.5 + 0.25 * square_of(dot(a.normal, b.normal))) *
+                        ((a.area + 9.0 * spread_a.beyond) * (b.area + 9.0 * spread_b.beyond));
+    choose_far_edges(turned, half_edge_square, 1.0 / distance, limit - rounding, asked, edge_rules, choice, bound);
+    bound += rounding;
+  }
+};
+
 void settle(const PatchRecord* records, std::uint32_t one, const std::uint32_t* others, int count, double tolerance,
-            double square_unit, Result* results, OpenPairs& open) {
+            double square_unit, const EdgeRule* edge_rules, Result* results, OpenPairs& open) {
   const Lanes one_lanes(records + one);
   const Centre a(one_lanes);
   const Spread spread_a(a.spread);
@@ -434,8 +461,9 @@ void settle(const PatchRecord* records, std::uint32_t one, const std::uint32_t* 
     const RoundBounds round(line, area, spread_a, spread_b);
     const Mask far = round.holds & (round.bound <= limit) & (area > 0);
     const Real square_a = line.height_a * line.height_a, square_b = line.height_b * line.height_b;
-    Mask settled = far & (line.height_a > 0) & (line.height_b > 0) & (square_a > spread_a.ball_square) &
-                   (square_b > spread_b.ball_square);
+    Mask in_front = (line.height_a > 0) & (line.height_b > 0) & (square_a > spread_a.ball_square) &
+                    (square_b > spread_b.ball_square);
+    Mask settled = far & in_front;
     Real value = line.with_round_moments(a, b, spread_a.second, spread_b.second), bound = round.bound;
     Bits method = Bits{} + kFarMethod;
     if (any(~settled)) {
@@ -445,20 +473,44 @@ void settle(const PatchRecord* records, std::uint32_t one, const std::uint32_t* 
       bound = hidden ? splat(0) : bound;
       method = hidden ? Bits{} + kZeroMethod : method;
       settled = settled | hidden;
-      const Mask at_plane = far & spread_a.symmetric & spread_b.symmetric & ~settled;
+      const FarEdges far_edges(line, spread_a, spread_b, limit);
+      const Mask at_plane = (far | far_edges.holds) & spread_a.symmetric & spread_b.symmetric & ~in_front & ~settled;
       if (any(at_plane)) {  // as along the edges of a room
         const Real distance = square_root(line.square);
         const FacingPair pair(line, distance, 1.5 * distance, a, b, Sides(one_lanes), Sides(other_lanes));
-        settled = settled | (at_plane & pair.in_front);
+        in_front = in_front | (at_plane & pair.in_front);
+        settled = settled | (far & in_front);
       }
-      if (!any(settled) && lanes_used == kLanes) {
-        for (int lane = 0; lane < kLanes; ++lane) open.place[open.count + lane] = start + lane;
-        open.count += kLanes;
-        continue;
-      }
-      for (int lane = 0; lane < lanes_used; ++lane) {
-        open.place[open.count] = start + lane;
-        open.count += settled[lane] == 0 ? 1 : 0;
+      Real choice = splat(kUnsettled), edge_bound = splat(0);
+      const Mask asked = far_edges.holds & in_front & ~settled;
+      if (any(asked)) far_edges.choose(line, a, b, spread_a, spread_b, limit, asked, edge_rules, choice, edge_bound);
+      const double points = choice[0];
+      if (points > double{kEdges} && !any(choice != points)) {  // need not be sorted
+        // The lower index comes first, whichever way the pair is asked for: the same bits for (i, j) and (j, i).
+        const PatchRecord *first[kLanes], *second[kLanes];
+        for (int lane = 0; lane < kLanes; ++lane) {
+          const PatchRecord *other = other_lanes.record[lane], *this_one = records + one;
+          first[lane] = other < this_one ? other : this_one;
+          second[lane] = other < this_one ? this_one : other;
+        }
+        value = edges_of_parallelograms(Lanes(first, kLanes), Lanes(second, kLanes),
+                                        edge_rules[(static_cast<int>(points) - kEdges) / 2]);
+        bound = edge_bound;
+        method = Bits{} + kEdgeMethod;
+      } else {
+        store(open.choice + open.count, choice, lanes_used);
+        store(open.bound + open.count, edge_bound, lanes_used);
+        if (!any(settled)) {
+          for (int lane = 0; lane < lanes_used; ++lane) open.place[open.count + lane] = start + lane;
+          open.count += lanes_used;
+          continue;
+        }
+        for (int lane = 0; lane < lanes_used; ++lane) {
+          open.place[open.count] = start + lane;
+          open.choice[open.count] = static_cast<std::int32_t>(choice[lane]);
+          open.bound[open.count] = edge_bound[lane];
+          open.count += settled[lane] == 0 ? 1 : 0;
+        }
       }
     }
     value = square_unit * min(max(value, splat(0)), least_area);

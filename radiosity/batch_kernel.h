@@ -85,25 +85,26 @@ enum Choice : std::int32_t {
 /// Distance from a plane, in normalised coordinates, that the first line's balls are enlarged by.
 constexpr double kOpen = 1e-9;
 
-/// Pairs that `settle` has left: their places in the list.
+/// Pairs that `settle` has left: their places in the list, choices (or kUnsettled) and bounds.
 struct OpenPairs {
   int count;
-  std::int32_t place[kBlock];
+  std::int32_t place[kBlock], choice[kBlock];
+  double bound[kBlock];
 };
 
 struct Kernels {
   const char* name;
   /// Exchange areas of one patch with others, times `square_unit`, where the first lines of the records tell that
-  /// nothing is exchanged or that the centres with moments meet `tolerance`. The others are handed back.
+  /// nothing is exchanged or that the centres with moments meet `tolerance`, or points on edges, the same for a whole
+  /// vector. The others are handed back.
   /// @param count  at most kBlock
-  void (*settle)(const PatchRecord* records, std::uint32_t one, const std::uint32_t* others, int count,
-                 double tolerance, double square_unit, Result* results, OpenPairs& open);
-  /// For each pair of parallelograms the cheapest choice whose error bound meets `tolerance`, and the bound, an
-  /// absolute exchange area; kUnsettled where that takes a closer look, and for other patches. The smaller area
-  /// of any pair.
   /// @param edge_rules  by half of their points
+  void (*settle)(const PatchRecord* records, std::uint32_t one, const std::uint32_t* others, int count,
+                 double tolerance, double square_unit, const EdgeRule* edge_rules, Result* results, OpenPairs& open);
+  /// For each pair of parallelograms the cheapest choice whose error bound meets `tolerance`, and the bound, an
+  /// absolute exchange area; kUnsettled where that takes a closer look, and for other patches.
   void (*choose)(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
-                 const EdgeRule* edge_rules, std::int32_t* choice, double* bound, double* least_area);
+                 const EdgeRule* edge_rules, std::int32_t* choice, double* bound);
   /// Choice and bound of any pair, never kUnsettled.
   /// @param product_rules  by their points per direction
   void (*classify)(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,

@@ -73,7 +73,11 @@ inline void store_rows(Result* to, Real x, Real y, Real z, int lanes_used) {
   row[1] = __builtin_shufflevector(z, x, 0, 3);
   row[2] = __builtin_shufflevector(y, z, 1, 3);
 #endif
-  __builtin_memcpy(to, row, sizeof(Result) * static_cast<std::size_t>(lanes_used));
+  if (lanes_used == kLanes) {
+    __builtin_memcpy(to, row, sizeof(row));
+  } else {
+    __builtin_memcpy(to, row, sizeof(Result) * static_cast<std::size_t>(lanes_used));
+  }
 }
 
 /// Rows of kLanes doubles become columns.
@@ -166,7 +170,7 @@ inline bool any(Mask mask) {
 }
 
 inline Real square_of(Real x) { return x * x; }
-inline Real magnitude(Real x) { return max(x, -x); }
+inline Real magnitude(Real x) { return reinterpret_cast<Real>(reinterpret_cast<Bits>(x) & 0x7fffffffffffffffull); }
 
 /// ln (n / d) of positive normal numbers, to 2 roundings of max(1, its value).
 inline Real log_ratio(Real n, Real d) {

@@ -317,18 +317,18 @@ void FormFactorBatch::exchange_areas(std::uint32_t one, std::span<const std::uin
         others.subspan(start, std::min<std::size_t>(batch::kBlock, others.size() - start));
     FormFactor* const found = results.data() + start;
     kernels_->settle(records_.data(), one, block.data(), static_cast<int>(block.size()), tolerance, square_unit,
-                     reinterpret_cast<batch::Result*>(found), open);
+                     edge_rules().data(), reinterpret_cast<batch::Result*>(found), open);
     if (open.count > 0) finish(one, block, tolerance, open, found);
   }
 }
 
 void FormFactorBatch::finish(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance,
-                             const batch::OpenPairs& open, FormFactor* found) const {
+                             batch::OpenPairs& open, FormFactor* found) const {
   using batch::kBlock;
   std::array<const PatchRecord*, kBlock> first, second, packed_first, packed_second;
-  std::array<std::int32_t, kBlock> choice, packed_choice;
+  std::array<std::int32_t, kBlock> choice;
   std::array<int, kBlock> member;
-  std::array<double, kBlock> bound, least_area, packed;
+  std::array<double, kBlock> packed;
   const double square_unit = unit_ * unit_;
   // The lower index comes first, whichever way the pair is asked for: the same bits for (i, j) and (j, i).
   for (int i = 0; i < open.count; ++i) {
@@ -342,32 +342,44 @@ void FormFactorBatch::finish(std::uint32_t one, std::span<const std::uint32_t> o
       packed_second[i] = second[member[i]];
     }
   };
-  kernels_->choose(first.data(), second.data(), open.count, tolerance, edge_rules().data(), choice.data(), bound.data(),
-                   least_area.data());
-  int unsettled = 0;
-  for (int i = 0; i < open.count; ++i) {
-    member[unsettled] = i;
-    unsettled += choice[i] == batch::kUnsettled ? 1 : 0;
-  }
-  if (unsettled > 0) {
-    pack(unsettled);
-    kernels_->classify(packed_first.data(), packed_second.data(), unsettled, tolerance, edge_rules().data(),
-                       product_rules().data(), packed_choice.data(), packed.data());
-    for (int i = 0; i < unsettled; ++i) {
-      choice[member[i]] = packed_choice[i];
-      bound[member[i]] = packed[i];
+  const auto unsettled = [&] {
+    int members = 0;
+    for (int i = 0; i < open.count; ++i) {
+      member[members] = i;
+      members += open.choice[i] == batch::kUnsettled ? 1 : 0;
     }
+    return members;
+  };
+  const auto take = [&](int members) {
+    for (int i = 0; i < members; ++i) {
+      open.choice[member[i]] = choice[i];
+      open.bound[member[i]] = packed[i];
+    }
+  };
+  if (const int left = unsettled(); left == open.count) {
+    kernels_->choose(first.data(), second.data(), left, tolerance, edge_rules().data(), open.choice, open.bound);
+  } else if (left > 0) {
+    pack(left);
+    kernels_->choose(packed_first.data(), packed_second.data(), left, tolerance, edge_rules().data(), choice.data(),
+                     packed.data());
+    take(left);
+  }
+  if (const int left = unsettled(); left > 0) {
+    pack(left);
+    kernels_->classify(packed_first.data(), packed_second.data(), left, tolerance, edge_rules().data(),
+                       product_rules().data(), choice.data(), packed.data());
+    take(left);
   }
   // One choice after the other: all pairs of a vector take the same rule.
   static_assert(batch::kChoices <= 64);
   std::uint64_t present = 0;
-  for (int i = 0; i < open.count; ++i) present |= std::uint64_t{1} << choice[i];
+  for (int i = 0; i < open.count; ++i) present |= std::uint64_t{1} << open.choice[i];
   for (; present != 0; present &= present - 1) {
     const int chosen = std::countr_zero(present);
     int members = 0;
     for (int i = 0; i < open.count; ++i) {
       member[members] = i;
-      members += choice[i] == chosen ? 1 : 0;
+      members += open.choice[i] == chosen ? 1 : 0;
     }
     if (chosen == batch::kNothing) {
       for (int i = 0; i < members; ++i) found[open.place[member[i]]] = {};
@@ -376,7 +388,7 @@ void FormFactorBatch::finish(std::uint32_t one, std::span<const std::uint32_t> o
     if (chosen == batch::kContour) {
       for (int i = 0; i < members; ++i) {
         const std::uint32_t other = others[open.place[member[i]]];
-        const double wanted = tolerance * least_area[member[i]] * square_unit;
+        const double wanted = tolerance * std::min(first[member[i]]->area, second[member[i]]->area) * square_unit;
         found[open.place[member[i]]] =
             exchange_area(polygons_[std::min(one, other)], polygons_[std::max(one, other)], wanted);
       }
@@ -401,8 +413,8 @@ void FormFactorBatch::finish(std::uint32_t one, std::span<const std::uint32_t> o
     }
     for (int i = 0; i < members; ++i) {
       const int k = member[i];
-      const double value = std::clamp(packed[i], 0.0, least_area[k]);
-      found[open.place[k]] = {value * square_unit, bound[k] * square_unit, method};
+      const double value = std::clamp(packed[i], 0.0, std::min(first[k]->area, second[k]->area));
+      found[open.place[k]] = {value * square_unit, open.bound[k] * square_unit, method};
     }
   }
 }

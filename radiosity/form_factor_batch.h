@@ -71,7 +71,7 @@ class FormFactorBatch {
 
  private:
   /// What the first pass over a block of pairs has left.
-  void finish(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance, const batch::OpenPairs& open,
+  void finish(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance, batch::OpenPairs& open,
               FormFactor* found) const;
 
   std::vector<Polygon> polygons_;
