@@ -354,7 +354,8 @@ struct FacingPair {
 
 /// Of m = 2, 4, 6, 8 points on every edge of two parallelograms the least whose bound coefficient q^m E / D² meets
 /// `limit`, as kEdges + m, and the bound; else kUnsettled.
-inline void choose_far_edges(Real coefficient, Real half_edge_square, Real inverse, Real limit, Mask asked,
+/// @param few  where 2 points may be taken: nearer by, so few pairs of a vector would that it does not pay to sort them
+inline void choose_far_edges(Real coefficient, Real half_edge_square, Real inverse, Real limit, Mask asked, Mask few,
                              const EdgeRule* edge_rules, Real& choice, Real& bound) {
   const Real q = half_edge_square * square_of(inverse), step = q * q;
   choice = splat(kUnsettled);
@@ -365,7 +366,8 @@ inline void choose_far_edges(Real coefficient, Real half_edge_square, Real inver
   for (int half = 1; half <= 4 && any(open); ++half) {
     power *= step;
     const Real left = power * taylor_error(edge_rules[half], true, q, splat(1 / (1 - most)));
-    const Mask take = open & (left <= limit);
+    Mask take = open & (left <= limit);
+    if (half == 1) take = take & few;
     choice = take ? splat(double{kEdges} + 2 * half) : choice;
     bound = take ? left : bound;
     open = open & ~take;
@@ -411,8 +413,8 @@ void choose(const PatchRecord* const* first, const PatchRecord* const* second, i
         kEdgeRoundings * kEpsilon * (2 / kPi) * cosines * reach_square * square_of(middles * inverse_both) +
         32 * kEpsilon * longest;
     Real choice, bound;
-    choose_far_edges(turned, 0.25 * longest, gap * inverse_both, limit - rounding, facing & ~moments, edge_rules,
-                     choice, bound);
+    choose_far_edges(turned, 0.25 * longest, gap * inverse_both, limit - rounding, facing & ~moments, Mask{},
+                     edge_rules, choice, bound);
     choice = moments ? splat(kMoments) : choice;
     bound = moments ? round.without_beyond : bound + rounding;
     store(choices + start, choice, lanes_used);
@@ -420,26 +422,28 @@ void choose(const PatchRecord* const* first, const PatchRecord* const* second, i
   }
 }
 
-/// Points on the edges of parallelograms that stand some four sizes apart, from the first line alone: with the sides
+/// Points on the edges of parallelograms that stand some 2.5 sizes apart, from the first line alone: with the sides
 /// e1, e2, mean |x - centre|² = (|e1|² + |e2|²) / 12 and `beyond` at least the difference of the principal moments,
 ///   h² <= 3/2 (second + beyond),  |e1·e2| <= 6 beyond,  sides <= area + 9 beyond,
 /// D >= r - h - ball', and (h + ball')² <= 2 (h² + ball'²).
 struct FarEdges {
-  Mask holds;  ///< r - D <= 0.3 r, and rounding alone does not exceed the limit
+  Mask holds;  ///< r - D <= r / 2, R <= 0.6 r, and rounding alone does not exceed the limit
   Real half_edge_square, reach_square, rounding;
   FarEdges(const CentreLine& line, const Spread& a, const Spread& b, Real limit)
       : half_edge_square(1.5 * max(a.second + a.beyond, b.second + b.beyond)),
         reach_square(2.0 * (half_edge_square + max(a.ball_square, b.ball_square))) {
     // Σ |e·f| <= 12 (m + m'); the farthest points four times as far as the nearest. Taken for parallelograms: 32 ε h².
     rounding = kEpsilon * ((kEdgeRoundings * (2 / kPi) * 12 * 16) * (a.second + b.second) + 128.0 * half_edge_square);
-    holds = a.symmetric & b.symmetric & (reach_square * line.inverse_square <= 0.09) & (rounding < limit);
+    holds = a.symmetric & b.symmetric & (reach_square * line.inverse_square <= 0.25) &
+            (2.0 * (a.ball_square + b.ball_square) * line.inverse_square <= 0.36) & (rounding < limit);
   }
   void choose(const CentreLine& line, const Centre& a, const Centre& b, const Spread& spread_a, const Spread& spread_b,
               Real limit, Mask asked, const EdgeRule* edge_rules, Real& choice, Real& bound) const {
     const Real distance = square_root(line.square) - square_root(reach_square);
     const Real turned = (4 / kPi) * (0.5 + 0.25 * square_of(dot(a.normal, b.normal))) *
                         ((a.area + 9.0 * spread_a.beyond) * (b.area + 9.0 * spread_b.beyond));
-    choose_far_edges(turned, half_edge_square, 1.0 / distance, limit - rounding, asked, edge_rules, choice, bound);
+    choose_far_edges(turned, half_edge_square, 1.0 / distance, limit - rounding, asked,
+                     reach_square * line.inverse_square <= 0.06, edge_rules, choice, bound);
     bound += rounding;
   }
 };
@@ -482,7 +486,8 @@ void settle(const PatchRecord* records, std::uint32_t one, const std::uint32_t* 
         settled = settled | (far & in_front);
       }
       Real choice = splat(kUnsettled), edge_bound = splat(0);
-      const Mask asked = far_edges.holds & in_front & ~settled;
+      // What the true moments leave is told by `choose`.
+      const Mask asked = far_edges.holds & in_front & ~settled & (round.without_beyond > limit);
       if (any(asked)) far_edges.choose(line, a, b, spread_a, spread_b, limit, asked, edge_rules, choice, edge_bound);
       const double points = choice[0];
       if (points > double{kEdges} && !any(choice != points)) {  // need not be sorted
