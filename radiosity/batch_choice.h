@@ -268,7 +268,7 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
         edge_bound = loose ? sharper_bound : edge_bound;
         rounding = loose ? sharper_rounding : rounding;
       }
-      by_edges = ~bounds.parallelograms & (by_edges > splat(kEdges)) ? by_edges + 1.0 : by_edges;
+      by_edges = (~bounds.parallelograms & (by_edges > splat(kEdges))) ? by_edges + 1.0 : by_edges;
       choice = asked ? by_edges : choice;
       bound = asked ? edge_bound + rounding : bound;
       const Mask general = asked & ~bounds.parallelograms & (gap > 0);
@@ -310,7 +310,7 @@ struct RoundBounds {
   RoundBounds(const CentreLine& line, Real area, const Spread& a, const Spread& b) {
     const Real inverse = line.inverse_square;
     const Real balls = a.ball_square + b.ball_square, far = 2.0 * balls * inverse;
-    const Real series = a.symmetric & b.symmetric ? 1.0 + 2.05 * far : 1.11 + 5.2 * far;
+    const Real series = (a.symmetric & b.symmetric) ? 1.0 + 2.05 * far : 1.11 + 5.2 * far;
     const Real own_a = a.symmetric ? a.ball_square : 5.0 * a.ball_square,
                own_b = b.symmetric ? b.ball_square : 5.0 * b.ball_square;
     const Real fourth =
