@@ -314,6 +314,7 @@ Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitPar
   VectorXd correction = VectorXd::Zero(shared_count(model.scene()));
   for (Index k = 0; k < count; ++k) correction[fit.free[static_cast<std::size_t>(k)]] = -mesh.shift[k];
   result.state = moved(fit.state, correction);
+  if (fit_params.blur) result.state.blur_px = std::max(result.state.blur_px, kLeastBlur);
   result.correlation = MatrixXd::Zero(count, count);
   for (Index i = 0; i < count; ++i) {
     for (Index j = 0; j < count; ++j)
