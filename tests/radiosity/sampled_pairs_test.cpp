@@ -2,6 +2,7 @@
 // Entries of scenes with many blockers against an independent count: lines between random points of both patches, drawn
 // and tested against every triangle here.
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 
 #include <algorithm>
 #include <cmath>
@@ -256,6 +257,20 @@ TEST(SampledPairs, RowsThatSeeABlackInsideThroughAHoleCloseWithinTheirEstimates)
     EXPECT_LE(std::abs(sums(e, 0) / elements.area_mm2[e] - 1.0), assembly.error_estimate[e]) << e;
     EXPECT_LE(assembly.error_estimate[e], tolerance) << e;
   }
+}
+
+// Survey, first round and the rounds that follow.
+TEST(SampledPairs, HaveTheSameBitsForAnyNumberOfThreads) {
+  const Elements elements = make_elements(testing::lumpy_solid_in_box(4, 4));
+  const auto run = [&](std::size_t threads) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    return assemble(elements, {.tolerance = 5e-3}, {});
+  };
+  const Assembly one = run(1);
+  const Assembly two = run(2);
+  const RowMatrix x = RowMatrix::Random(elements.size(), 3);
+  EXPECT_TRUE(one.exchange.multiply(x) == two.exchange.multiply(x));
+  EXPECT_TRUE(one.error_estimate == two.error_estimate);
 }
 
 }  // namespace
