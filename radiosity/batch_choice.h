@@ -136,11 +136,12 @@ inline Mask product_is_cheaper(Real product, Real edges) {
 }
 
 /// Least squared distances of the middles of edges from the other patch's edges over the squared half edges: of edges
-/// that are not at right angles, for those do not count; and the least squared distance.
+/// that are not at right angles, for those do not count; the least squared distance, and Σ |e·f|.
 struct EdgeDistances {
-  Real ratio_a, ratio_b, least;
+  Real ratio_a, ratio_b, least, cosines;
   EdgeDistances(const Outline& a, const Outline& b, Real negligible) {
     ratio_a = ratio_b = least = splat(1e100);
+    cosines = splat(0);
     const Vector origins = a.origin - b.origin;
     Real a_squared[4], b_squared[4];
     for (int i = 0; i < 4; ++i) {
@@ -150,7 +151,9 @@ struct EdgeDistances {
     const auto clamped = [](Real t) { return max(min(t, splat(1)), splat(-1)); };
     for (int i = 0; i < 4; ++i)
       for (int j = 0; j < 4; ++j) {
-        const Mask counts = magnitude(dot(a.half[i], b.half[j])) > negligible;
+        const Real cosine = magnitude(dot(a.half[i], b.half[j]));
+        cosines += 4.0 * cosine;
+        const Mask counts = cosine > negligible;
         if (!any(counts)) continue;
         const Vector w = origins + (a.middle[i] - b.middle[j]);
         const Vector from_a = w - clamped(dot(w, b.half[j]) / b_squared[j]) * b.half[j];
@@ -259,6 +262,7 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
         // The true distances cost as much as some points on the edges.
         const EdgeDistances distances(Outline{shape_a}, Outline{shape_b}, 1e-6 * limit);
         bounds.near_ratio = max(bounds.ratio, min(distances.ratio_a, distances.ratio_b));
+        bounds.coupling = min(bounds.coupling, 1 / (2 * kPi) * distances.cosines);
         const Real share = square_root(1.0 / max(bounds.near_ratio, splat(1)));
         least = max(least, square_root(distances.least) * (1.0 - share));
         const Real sharper_rounding = rounding_at(least);
