@@ -24,7 +24,7 @@ void validate(const FitMeshParams& params);  ///< Throws InvalidParams, naming f
 ///  2. Faces are cut along the lines on which other objects touch or cross them: radiosity jumps there, from what lies
 ///     beside the other object to what it hides.
 ///  3. Faces near another object whose fronts see one another are halved in the direction in which their distance
-///     changes, until they are no longer than that distance.
+///     changes, until they are no longer than that distance, and along cusps beside their ends, where light falls in.
 /// Neighbours that a new point lies on are split there, so that no edge ends within another.
 /// Cost O(faces of one object × faces of the others) box tests and O(faces log faces).
 scene::Scene fit_mesh(const scene::Scene& scene, const FitMeshParams& params);

@@ -30,9 +30,9 @@ constexpr int kMostLines = 4;
 constexpr double kExtent = 0.6;
 /// ... and that distance changes over it by more than this share;
 constexpr double kChange = 0.35;
-/// along a contact, while it is longer than this many times that distance: light that falls into a cusp from its end
-/// meets itself across the gap.
-constexpr double kSlender = 3.0;
+/// along a contact, beside its end, while it is longer than this many times that distance: what falls into a cusp from
+/// its end is reflected across the gap, and reaches about as far in as the gap is wide.
+constexpr double kSlender = 1.0;
 /// Cosine between normals of surfaces that make a cusp.
 constexpr double kFacing = -0.7;
 constexpr int kMostPasses = 64;
@@ -128,11 +128,13 @@ class Refiner {
 
   /// Halves faces towards others that see them.
   void grade_towards(const Obstacles& others, int halvings) {
+    const PatchMesh whole = mesh();
+    own_.emplace(whole.points, triangles_of(whole));
     repeat(false, [&](const Piece& piece, std::vector<Piece>& out) {
-      const NearEdges near = near_edges(piece, others);
+      const NearEdges near = near_edges(piece, others, halvings);
       const bool towards = near.steepest >= 0 && piece.halvings < halvings;
       const int edge = towards ? near.steepest : near.long_edge;
-      if (edge < 0 || (!towards && piece.shortened >= halvings)) return false;
+      if (edge < 0) return false;
       const std::size_t first = out.size();
       if (piece.count == 4) {
         if (!halve_quad(piece, edge, out)) {
@@ -444,9 +446,22 @@ class Refiner {
   /// Edges of a piece that are too long beside another object that it sees; -1: none.
   struct NearEdges {
     int steepest = -1;   ///< along which the distance changes most
-    int long_edge = -1;  ///< longest
+    int long_edge = -1;  ///< longest beside an end
   };
-  NearEdges near_edges(const Piece& piece, const Obstacles& others) const {
+  /// Whether one of two surfaces that are `distance` apart at an edge ends within the edge's length of it, along it.
+  bool ends_near(const Piece& piece, int k, double distance, const Obstacles::One& other,
+                 const SurfacePoint& nearest) const {
+    const Vector3d& a = point(piece, at(k));
+    const Vector3d& b = point(piece, next(piece, k));
+    for (const Vector3d& beyond : {Vector3d(2.0 * a - b), Vector3d(2.0 * b - a)}) {
+      if ((own_->closest(beyond).point - beyond).norm() > 0.5 * (b - a).norm()) return true;
+      const double there = (other.index->closest(beyond, nearest).point - beyond).norm();
+      if (there - distance > kChange * there) return true;
+    }
+    return false;
+  }
+
+  NearEdges near_edges(const Piece& piece, const Obstacles& others, int halvings) const {
     const Flat face = flat(piece);
     Vector3d centre = Vector3d::Zero();
     for (int k = 0; k < piece.count; ++k) centre += point(piece, at(k)) / piece.count;
@@ -469,7 +484,8 @@ class Refiner {
       for (int k = 0; k < piece.count; ++k) before = std::max(before, front.dot(point(piece, at(k)) - triangle[0]));
       if (!(above > kTouch * face.size) || (!other.two_sided && !(before > kTouch * face.size * front.norm())))
         continue;
-      const bool cusp = face.normal.dot(front) < kFacing * front.norm();
+      const bool cusp = piece.shortened < halvings && face.normal.dot(front) < kFacing * front.norm();
+      const double gap = (nearest.point - centre).norm();
       std::array<double, 4> distance{};
       for (int k = 0; k < piece.count; ++k)
         distance[at(k)] = (other.index->closest(point(piece, at(k)), nearest).point - point(piece, at(k))).norm();
@@ -481,7 +497,7 @@ class Refiner {
           steepest = change;
           result.steepest = k;
         }
-        if (cusp && length > kSlender * (nearest.point - centre).norm() && length > longest) {
+        if (cusp && length > kSlender * gap && length > longest && ends_near(piece, k, farther, other, nearest)) {
           longest = length;
           result.long_edge = k;
         }
@@ -494,6 +510,7 @@ class Refiner {
   bool closed_;
   std::vector<Vector3d> points_;
   std::vector<Piece> pieces_;
+  std::optional<SurfaceIndex> own_;  ///< the surface, where its ends are asked for
   std::map<std::pair<int, int>, Split> splits_;
 };
 

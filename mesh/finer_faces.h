@@ -22,7 +22,8 @@ PatchMesh halve_turns(const PatchMesh& mesh, double most_turn_deg);
 
 /// Cuts faces along the lines on which other objects touch or cross them: radiosity jumps there, from what lies beside
 /// the other object to what it hides. Then halves faces near another object whose fronts see one another in the
-/// direction in which their distance changes, until they are no longer than that distance, at most `halvings` times.
+/// direction in which their distance changes, until they are no longer than that distance, at most `halvings` times,
+/// and as often along cusps beside their ends, where light falls in.
 /// The surface stays the same. Neighbours are split as above.
 /// Cost O(faces × faces of the others) box tests and O(faces log faces).
 PatchMesh follow_contacts(const PatchMesh& mesh, std::span<const OtherSurface> others, int halvings);

@@ -107,6 +107,36 @@ TEST(FitMesh, FacesShrinkTowardsContacts) {
   EXPECT_NEAR(narrowest(fine.objects[1].patches) / narrowest(plain.objects[1].patches), 0.25, 1e-9);
 }
 
+TEST(FitMesh, FacesOfCuspsAreShortBesideTheirEnds) {
+  // Below 5 mm the gap between the half cylinders, 2 (20 - sqrt(400 - z²)), is narrower than 1.26 mm. Their faces are
+  // 10 mm long; those at the ends of the cusp are halved twice, those in its middle not at all.
+  const scene::Scene fine = fit_mesh(test::half_cylinders({.around = 16, .along = 5}), {.contact_halvings = 2});
+  for (const scene::Object& object : fine.objects) {
+    int ends = 0, middles = 0;
+    for (std::size_t f = 0; f < object.patches.faces.size(); ++f) {
+      Vector3d low = Vector3d::Constant(1e9), high = -low, across = Vector3d::Zero();
+      for (int k = 0; k < mesh::corner_count(object.patches.faces[f]); ++k) {
+        const Vector3d& p =
+            object.patches.points[static_cast<std::size_t>(object.patches.faces[f][static_cast<std::size_t>(k)])];
+        low = low.cwiseMin(p);
+        high = high.cwiseMax(p);
+        across = across.cwiseMax(p.cwiseAbs());
+      }
+      if (high.z() > 5.0 || across.x() > 5.0) continue;
+      if (across.y() > 25.0 - 1e-9) {
+        EXPECT_NEAR(high.y() - low.y(), 2.5, 1e-9) << "face " << f;
+        ++ends;
+      }
+      if (across.y() < 5.0 + 1e-9) {
+        EXPECT_NEAR(high.y() - low.y(), 10.0, 1e-9) << "face " << f;
+        ++middles;
+      }
+    }
+    EXPECT_GT(ends, 0);
+    EXPECT_GT(middles, 0);
+  }
+}
+
 TEST(FitMesh, FarObjectsAndFlatOnesStayAsTheyAre) {
   const scene::Scene scene = test::single_plane({.around = 5});
   const scene::Scene same = fit_mesh(scene, {});
