@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Time by part and peak memory of one joint fit with its uncertainty.
+// The last line tells whether two runs, on other numbers of processors (taskset), have the same bits.
 //   fit_benchmark [--side 512] [--bands 61] [--around 16] [--along 8]
 //   fit_benchmark --scene SCENE --capture CAPTURE
 #include <fmt/format.h>
@@ -7,8 +8,10 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <ctime>
 #include <optional>
 #include <random>
@@ -145,4 +148,10 @@ int main(int argc, char** argv) {
   const fitting::ParameterEstimate& w = *found.find(fitting::kW);
   fmt::print("w {:.5f} ± {:.5f}, of which the patches' width took {:.5f} ± {:.5f}; χ² {:.4f}\n", w.value, w.sd,
              w.mesh_shift, w.mesh_sd, fit.chi_square);
+  std::uint64_t bits = 0;
+  for (const double value : found.covariance.reshaped())
+    bits = (std::rotl(bits, 7) ^ std::bit_cast<std::uint64_t>(value)) * 0x9e3779b97f4a7c15u;
+  for (const double value : {found.state.w, found.state.blur_px, found.state.gain.sum(), found.state.offset.sum()})
+    bits = (std::rotl(bits, 7) ^ std::bit_cast<std::uint64_t>(value)) * 0x9e3779b97f4a7c15u;
+  fmt::print("a number from all bits of the covariance and of w, blur, gains and offsets: {:016x}\n", bits);
 }
