@@ -355,9 +355,9 @@ Uncertainty examine(const ForwardModel& model, const SceneFit& fit, const FitPar
     for (Index d = 0; d < space.weak.cols(); ++d) named = named || std::abs(space.weak(k, d)) >= kTakesPart;
     if (!named) {
       const bool angle = one.unit == "rad";
-      result.notes.push_back(fmt::format("{}: held too weakly, with a standard deviation of {:.2g} {}.", one.name,
-                                         one.sd * (angle ? 180.0 / std::numbers::pi : 1.0),
-                                         angle ? "degrees" : one.unit));
+      const std::string unit = angle ? " degrees" : one.unit == "1" ? "" : " " + one.unit;
+      result.notes.push_back(fmt::format("{}: held too weakly, with a standard deviation of {:.2g}{}.", one.name,
+                                         one.sd * (angle ? 180.0 / std::numbers::pi : 1.0), unit));
     }
     // Each half knows half as much: their difference has twice the standard deviation.
     one.half_difference_sigmas = one.sd > 0.0 ? half_step[k] / (2.0 * one.sd) : 0.0;
