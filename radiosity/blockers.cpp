@@ -3,14 +3,15 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstdint>
 #include <map>
 #include <numeric>
 #include <optional>
 #include <span>
 #include <unordered_map>
+#include <utility>
+
+#include "mesh/weld_points.h"
 
 namespace interglow::radiosity {
 namespace {
@@ -40,52 +41,26 @@ struct Surface {
   std::map<std::pair<int, int>, int> left_of;
 };
 
-/// Numbers points; those within `flat` of an earlier one along every axis get its number: turned faces that were made
-/// one by one differ by rounding where they meet.
-class Welder {
- public:
-  explicit Welder(double flat) : flat_(flat), cell_(4.0 * flat) {}
-
-  int number(const Vector3d& p, std::vector<Vector3d>& points) {
-    const Vector3d low = ((p.array() - flat_) / cell_).floor();
-    const Vector3d high = ((p.array() + flat_) / cell_).floor();
-    for (double x = low.x(); x <= high.x(); ++x) {
-      for (double y = low.y(); y <= high.y(); ++y) {
-        for (double z = low.z(); z <= high.z(); ++z) {
-          const auto [first, last] = at_.equal_range(hash(x, y, z));
-          for (auto it = first; it != last; ++it) {
-            if ((points[static_cast<std::size_t>(it->second)] - p).cwiseAbs().maxCoeff() <= flat_) return it->second;
-          }
-        }
-      }
-    }
-    const Vector3d own = (p.array() / cell_).floor();
-    at_.emplace(hash(own.x(), own.y(), own.z()), static_cast<int>(points.size()));
-    points.push_back(p);
-    return static_cast<int>(points.size()) - 1;
-  }
-
- private:
-  static std::uint64_t hash(double x, double y, double z) {
-    std::uint64_t sum = 0;
-    for (const double v : {x, y, z})
-      sum = (sum ^ std::bit_cast<std::uint64_t>(v + 0.0)) * 0x9e3779b97f4a7c15u + (sum >> 31);
-    return sum;
-  }
-
-  double flat_;
-  double cell_;
-  std::unordered_multimap<std::uint64_t, int> at_;
-};
-
+/// Points within `flat` of one another become one: turned faces that were made one by one differ by rounding where they
+/// meet.
 Surface weld(const Faces& faces, std::size_t first, std::size_t last, double flat) {
+  std::vector<Vector3d> points;  // of this object, as its faces name them
+  std::unordered_map<int, int> number;
+  for (std::size_t f = first; f < last; ++f) {
+    for (int k = 0; k < mesh::corner_count(faces.corners[f]); ++k) {
+      const int p = faces.corners[f][static_cast<std::size_t>(k)];
+      if (number.try_emplace(p, static_cast<int>(points.size())).second)
+        points.push_back(faces.points[static_cast<std::size_t>(p)]);
+    }
+  }
+  mesh::WeldedPoints welded = mesh::weld_near_points(points, flat);
   Surface surface;
-  Welder welder(flat);
+  surface.point = std::move(welded.points);
   for (std::size_t f = first; f < last; ++f) {
     Loop loop;
     for (int k = 0; k < mesh::corner_count(faces.corners[f]); ++k) {
-      const Vector3d& p = faces.points[static_cast<std::size_t>(faces.corners[f][static_cast<std::size_t>(k)])];
-      loop.push_back(welder.number(p, surface.point));
+      const int p = number.at(faces.corners[f][static_cast<std::size_t>(k)]);
+      loop.push_back(welded.index_of[static_cast<std::size_t>(p)]);
     }
     Vector3d area = Vector3d::Zero();
     double size = 0.0;

@@ -23,6 +23,19 @@ Box Box::empty() {
   return {infinite, -infinite};
 }
 
+Polygon polygon_of(const Elements& elements, int element) {
+  const auto i = static_cast<std::size_t>(element);
+  const mesh::Face& face = elements.faces.corners[static_cast<std::size_t>(elements.face[i])];
+  Polygon polygon;
+  polygon.corners = mesh::corner_count(face);
+  for (int k = 0; k < polygon.corners; ++k) {
+    const int from = elements.back[i] != 0 ? polygon.corners - 1 - k : k;
+    polygon.corner[static_cast<std::size_t>(k)] =
+        elements.faces.points[static_cast<std::size_t>(face[static_cast<std::size_t>(from)])];
+  }
+  return polygon;
+}
+
 ElementTree::ElementTree(const Elements& elements) {
   const int n = static_cast<int>(elements.size());
   order_.resize(static_cast<std::size_t>(n));
@@ -30,16 +43,9 @@ ElementTree::ElementTree(const Elements& elements) {
   polygons_.resize(static_cast<std::size_t>(n));
   double reach = 0.0;
   for (int e = 0; e < n; ++e) {
-    const auto i = static_cast<std::size_t>(e);
-    const mesh::Face& face = elements.faces.corners[static_cast<std::size_t>(elements.face[i])];
-    Polygon& polygon = polygons_[i];
-    polygon.corners = mesh::corner_count(face);
-    for (int k = 0; k < polygon.corners; ++k) {
-      const int from = elements.back[i] != 0 ? polygon.corners - 1 - k : k;
-      const Vector3d& p = elements.faces.points[static_cast<std::size_t>(face[static_cast<std::size_t>(from)])];
-      polygon.corner[static_cast<std::size_t>(k)] = p;
-      reach = std::max(reach, p.cwiseAbs().maxCoeff());
-    }
+    const Polygon& polygon = polygons_[static_cast<std::size_t>(e)] = polygon_of(elements, e);
+    for (int k = 0; k < polygon.corners; ++k)
+      reach = std::max(reach, polygon.corner[static_cast<std::size_t>(k)].cwiseAbs().maxCoeff());
   }
   flat_ = 1e-14 * reach;
   clusters_.reserve(2 * static_cast<std::size_t>(n));

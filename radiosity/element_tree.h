@@ -36,6 +36,9 @@ struct Cluster {
   double lowest = 0.0;                  ///< least of axis · x over the corners
 };
 
+/// The face of an element, seen from its front.
+Polygon polygon_of(const Elements& elements, int element);
+
 /// Binary tree down to single elements, split at the median of the widest of position and normal.
 /// Cost O(N log N). Depends on the elements alone, so that results do not depend on threads.
 class ElementTree {

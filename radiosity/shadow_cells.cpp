@@ -230,18 +230,13 @@ bool ShadowCells::make_local(const ConvexBody& body, const Eigen::Matrix3d& axes
 }
 
 void ShadowCells::add_line(const Vector2d& a, const Vector2d& b) {
+  if (cells_.size() >= kMostCells) return;
   if (std::max(a.x(), b.x()) < patch_low_.x() || std::min(a.x(), b.x()) > patch_high_.x()) return;
   if (std::max(a.y(), b.y()) < patch_low_.y() || std::min(a.y(), b.y()) > patch_high_.y()) return;
   const Vector2d along = b - a;
   const double length = along.norm();
   if (!(length > 0.0)) return;
   const Vector3d line(-along.y() / length, along.x() / length, (along.y() * a.x() - along.x() * a.y()) / length);
-  cut_cells(line, a, b);
-}
-
-/// Cuts the cells that the piece of the line from a to b touches.
-void ShadowCells::cut_cells(const Vector3d& line, const Vector2d& a, const Vector2d& b) {
-  if (cells_.size() >= kMostCells) return;
   const auto height = [&](const Vector2d& p) { return line.x() * p.x() + line.y() * p.y() + line.z(); };
   // Slivers thinner than this share of the patch are not worth a cell.
   const double thin = 1e-4 * (patch_high_ - patch_low_).norm();
@@ -279,7 +274,7 @@ void ShadowCells::add_events(const LocalBody& body) {
       const Vector2d middle = 0.5 * (patch_low_ + patch_high_);
       const Vector2d foot = middle - (line.head<2>().dot(middle) + line.z()) * line.head<2>();
       const Vector2d along = (patch_high_ - patch_low_).norm() * Vector2d(-line.y(), line.x());
-      cut_cells(line, foot - along, foot + along);
+      add_line(foot - along, foot + along);
     }
   }
   const auto n = static_cast<std::size_t>(source_.corners);

@@ -68,8 +68,8 @@ class ShadowCells {
                   LocalBody& local);
   static void cut_body(LocalBody& body, const Eigen::Vector3d& normal, double offset, double flat);
   void add_events(const LocalBody& body);
+  /// Cuts the cells that the line from a to b touches.
   void add_line(const Eigen::Vector2d& a, const Eigen::Vector2d& b);
-  void cut_cells(const Eigen::Vector3d& line, const Eigen::Vector2d& a, const Eigen::Vector2d& b);
   void find_silhouettes(const Eigen::Vector2d& position);
   /// What a point of the outer patch sees.
   struct Look {

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "radiosity/element_tree.h"
 #include "radiosity/form_factor.h"
 #include "radiosity/solution.h"
 #include "tests/radiosity/reference_cases.h"
@@ -20,19 +21,6 @@ constexpr double kLength = 1e6;
 
 inline double value(const nlohmann::json& number) { return number.at("value").get<double>(); }
 
-inline Polygon polygon(const Elements& elements, Eigen::Index e) {
-  const auto i = static_cast<std::size_t>(e);
-  const mesh::Face& face = elements.faces.corners[static_cast<std::size_t>(elements.face[i])];
-  Polygon polygon;
-  polygon.corners = mesh::corner_count(face);
-  for (int k = 0; k < polygon.corners; ++k) {
-    const int at = elements.back[i] != 0 ? polygon.corners - 1 - k : k;
-    polygon.corner[static_cast<std::size_t>(k)] =
-        elements.faces.points[static_cast<std::size_t>(face[static_cast<std::size_t>(at)])];
-  }
-  return polygon;
-}
-
 struct Solved {
   scene::Scene scene;
   Elements elements;
@@ -44,7 +32,7 @@ struct Solved {
     double sum = 0.0;
     for (Eigen::Index e = 0; e < elements.size(); ++e) {
       const double source = solution.reflected_source(e, 0);
-      if (source != 0.0) sum += source * point_form_factor(point, normal, polygon(elements, e));
+      if (source != 0.0) sum += source * point_form_factor(point, normal, polygon_of(elements, static_cast<int>(e)));
     }
     return sum;
   }

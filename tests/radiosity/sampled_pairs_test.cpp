@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "radiosity/element_tree.h"
 #include "radiosity/form_factor.h"
 #include "radiosity/row_error.h"
 #include "radiosity/transport_assembly.h"
@@ -51,19 +52,6 @@ bool crosses(const Triangle& triangle, const Vector3d& from, const Vector3d& lin
   if (!(v >= 0.0 && u + v <= 1.0)) return false;
   const double t = triangle.v.dot(q) / volume;
   return t > 0.0 && t < 1.0;
-}
-
-Polygon polygon_of(const Elements& elements, int e) {
-  const auto at = static_cast<std::size_t>(e);
-  const mesh::Face& face = elements.faces.corners[static_cast<std::size_t>(elements.face[at])];
-  Polygon polygon;
-  polygon.corners = face[3] < 0 ? 3 : 4;
-  for (int k = 0; k < polygon.corners; ++k) {
-    const int from = elements.back[at] != 0 ? polygon.corners - 1 - k : k;
-    polygon.corner[static_cast<std::size_t>(k)] =
-        elements.faces.points[static_cast<std::size_t>(face[static_cast<std::size_t>(from)])];
-  }
-  return polygon;
 }
 
 /// A uniform point of a triangle or parallelogram.

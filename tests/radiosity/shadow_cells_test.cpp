@@ -18,18 +18,11 @@ namespace {
 
 using testing::box_with_two_cubes;
 
+/// Of the elements of the objects from `first_object` on.
 std::vector<Polygon> polygons_of(const Elements& elements, int first_object) {
   std::vector<Polygon> polygons;
-  for (Eigen::Index e = 0; e < elements.size(); ++e) {
-    const auto at = static_cast<std::size_t>(e);
-    if (elements.object[at] < first_object) continue;
-    Polygon polygon;
-    const mesh::Face& face = elements.faces.corners[static_cast<std::size_t>(elements.face[at])];
-    for (int k = 0; k < mesh::corner_count(face); ++k) {
-      polygon.corner[static_cast<std::size_t>(polygon.corners++)] =
-          elements.faces.points[static_cast<std::size_t>(face[static_cast<std::size_t>(k)])];
-    }
-    polygons.push_back(polygon);
+  for (int e = 0; e < static_cast<int>(elements.size()); ++e) {
+    if (elements.object[static_cast<std::size_t>(e)] >= first_object) polygons.push_back(polygon_of(elements, e));
   }
   return polygons;
 }
