@@ -8,6 +8,8 @@
 namespace interglow::radiosity::detail {
 namespace {
 
+constexpr int kMostPoints = 24;
+
 GaussRule make_gauss_legendre(int n) {
   GaussRule rule;
   rule.points = n;
@@ -31,11 +33,101 @@ GaussRule make_gauss_legendre(int n) {
   return rule;
 }
 
-/// x ln|y|, with 0 where the factor vanishes.
+/// The rules in working precision; the positive nodes come first.
 template <class Real>
-Real times_log(Real factor, Real positive) {
-  return factor == 0 || positive == 0 ? Real(0) : factor * std::log(positive);
+struct Rules {
+  struct Rule {
+    std::array<Real, kMostPoints> node, square, weight;
+  };
+  std::array<Rule, kMostPoints + 1> of;  ///< by number of points
+  /// Gauss' error for a function on [-1, 1] with Chebyshev coefficients of at most (2/k) ρ^-k is at most this times
+  /// ρ^-2n / (1 - ρ^-2).
+  std::array<Real, kMostPoints + 1> share;
+
+  Rules() {
+    for (int n = 1; n <= kMostPoints; ++n) {
+      const GaussRule& exact = gauss_legendre(n);
+      for (int i = 0; i < n; ++i) {
+        of[n].node[i] = static_cast<Real>(exact.node[i]);
+        of[n].square[i] = static_cast<Real>(exact.node[i] * exact.node[i]);
+        of[n].weight[i] = static_cast<Real>(exact.weight[i]);
+      }
+      share[n] = Real(2) / n * (1 + Real(1) / (4 * n * n - 1));
+    }
+  }
+};
+
+template <class Real>
+const Rules<Real>& rules() {
+  static const Rules<Real> made;
+  return made;
 }
+
+/// x ln sqrt(y), with 0 where the factor vanishes.
+template <class Real>
+Real times_log_root(Real factor, Real square) {
+  return factor == 0 || square == 0 ? Real(0) : factor / 2 * std::log(square);
+}
+
+/// ρ^-2 of the ellipse with foci ±1 on which the distances to the foci add up to `sum`.
+template <class Real>
+Real decay_of(Real sum) {
+  if (!(sum > 2)) return 1;
+  const Real rho = (sum + std::sqrt((sum - 2) * (sum + 2))) / 2;
+  return 1 / (rho * rho);
+}
+
+template <class Real>
+struct Edge {
+  using Vector = Eigen::Matrix<Real, 3, 1>;
+  Vector start, end, middle, half, direction;  ///< half: from the middle to the end
+  Real length = 0;
+
+  Edge() = default;
+  Edge(const Vector& from, const Vector& to)
+      : start(from), end(to), middle((from + to) / 2), half((to - from) / 2), length(2 * half.norm()) {
+    if (length > 0) direction = half * (2 / length);
+  }
+};
+
+/// The squared distance of w + s p and t q, s and t in [-1, 1]: two edges seen from their middles.
+template <class Real>
+struct Distances {
+  Real middles, along_p, along_q, p_squared, q_squared, both;  ///< |w|², w·p, w·q, |p|², |q|², p·q
+
+  Distances(const Edge<Real>& p, const Edge<Real>& q) {
+    const typename Edge<Real>::Vector w = p.middle - q.middle;
+    middles = w.dot(w);
+    along_p = w.dot(p.half);
+    along_q = w.dot(q.half);
+    p_squared = p.length * p.length / 4;
+    q_squared = q.length * q.length / 4;
+    both = p.half.dot(q.half);
+  }
+  Distances swapped() const {
+    Distances other = *this;
+    std::swap(other.along_p, other.along_q);
+    std::swap(other.p_squared, other.q_squared);
+    other.along_p = -other.along_p;
+    other.along_q = -other.along_q;
+    return other;
+  }
+  /// The least sum of the distances to both ends of p, over the points of q, in units of half of p.
+  Real least_sum(Real half_p, Real half_q) const {
+    const Real plus = (along_q + both) / half_q, minus = (along_q - both) / half_q;  // feet of p's ends on q's line
+    const Real from_middle = middles + p_squared;
+    const Real plus_square = std::max(from_middle + 2 * along_p - plus * plus, Real(0));
+    const Real minus_square = std::max(from_middle - 2 * along_p - minus * minus, Real(0));
+    const Real plus_height = std::sqrt(plus_square), minus_height = std::sqrt(minus_square);
+    const Real heights = plus_height + minus_height, run = plus - minus;
+    const Real at = heights > 0 ? (plus * minus_height + minus * plus_height) / heights : (plus + minus) / 2;
+    if (heights > 0 && std::abs(at) <= half_q) return std::sqrt(run * run + heights * heights) / half_p;
+    const Real end = std::clamp(at, -half_q, half_q);
+    return (std::sqrt(plus_square + (plus - end) * (plus - end)) +
+            std::sqrt(minus_square + (minus - end) * (minus - end))) /
+           half_p;
+  }
+};
 
 /// Where the outer edge's points stand to the inner edge's line: all is linear or quadratic in the outer parameter.
 template <class Real>
@@ -43,30 +135,33 @@ struct EdgePair {
   using Vector = Eigen::Matrix<Real, 3, 1>;
   Vector outer_origin, outer_direction, inner_origin, inner_direction;
   Real outer_length, inner_length;
+  Real cosine;
   Real sine;                      ///< |u × v|
   Real along_outer, along_inner;  ///< parameters of the two points where the lines come closest (sine > 0)
   Real gap;                       ///< distance of the lines there
 };
 
 /// ∫_0^s ∫_0^t ln r for lines that cross at the origin under an angle: by homogeneity (Euler) a sum of two inner
-/// integrals.
+/// integrals, whose angles are those of the triangle of the crossing and the two ends.
 template <class Real>
 Real corner_integral(Real s, Real t, Real cosine, Real sine) {
-  const auto inner = [&](Real at, Real end) {  // ∫_0^end ln r dt' from the point `at` on the other line
-    const Real foot = at * cosine, height = std::abs(at) * sine, rest = end - foot;
-    return times_log(rest, std::hypot(rest, height)) + times_log(foot, std::abs(at)) - end +
-           height * (std::atan2(rest, height) + std::atan2(foot, height));
-  };
   if (s == 0 || t == 0) return 0;
-  return (s * inner(s, t) + t * inner(t, s) - s * t) / 2;
+  const Real facing = s * t > 0 ? cosine : -cosine, s_size = std::abs(s), t_size = std::abs(t);
+  const Real s_rest = s_size - t_size * facing, t_rest = t_size - s_size * facing;
+  const Real s_height = t_size * sine, t_height = s_size * sine;
+  const Real angles = s * s * std::atan2(s_height, s_rest) + t * t * std::atan2(t_height, t_rest);
+  const Real s_square = s * s, t_square = t * t;
+  const Real logs = times_log_root(s_size * t_rest + t_size * s_rest, s_rest * s_rest + s_height * s_height) +
+                    facing / 2 * (s_square * std::log(s_square) + t_square * std::log(t_square));
+  const Real value = (logs + sine * angles - 3 * s_size * t_size) / 2;
+  return s * t > 0 ? value : -value;
 }
 
 /// Second antiderivative of ln sqrt(h² + z²).
 template <class Real>
 Real parallel_integral(Real z, Real h) {
-  const Real r = std::hypot(z, h);
-  const Real arc = h == 0 ? Real(0) : h * z * std::atan2(z, h);
-  return times_log((z - h) * (z + h) / 2, r) + arc - 3 * z * z / 4;
+  const Real arc = h == 0 || z == 0 ? Real(0) : h * z * std::atan2(z, h);
+  return times_log_root((z - h) * (z + h) / 2, z * z + h * h) + arc - 3 * z * z / 4;
 }
 
 template <class Real>
@@ -74,26 +169,34 @@ class ContourSum {
  public:
   using Vector = Eigen::Matrix<Real, 3, 1>;
 
-  ContourSum(Real tolerance, int terms) : panel_tolerance_(tolerance / terms) {}
+  /// @param tolerance  of the sum over all pairs of edges
+  ContourSum(Real tolerance, int pairs) : left_(tolerance), pairs_left_(pairs), rules_(rules<Real>()) {}
 
-  void add_edges(const Vector& p0, const Vector& p1, const Vector& q0, const Vector& q1) {
-    const Vector p = p1 - p0, q = q1 - q0;
-    const Real p_length = p.norm(), q_length = q.norm();
-    if (p_length == 0 || q_length == 0) return;
-    const Real cosine = p.dot(q) / (p_length * q_length);
-    if (cosine == 0) return;
-    scale_ = cosine;
-    magnitude_ = 0;
-    const Real value = p_length <= q_length ? edge_pair(p0, p1, p / p_length, p_length, q0, q1, q / q_length, q_length)
-                                            : edge_pair(q0, q1, q / q_length, q_length, p0, p1, p / p_length, p_length);
-    add(cosine * value);
-    rounding_ += std::abs(cosine) * magnitude_;
+  /// What one pair leaves of its share goes to those after it.
+  void add_edges(const Edge<Real>& p, const Edge<Real>& q) {
+    share_ = left_ / static_cast<Real>(pairs_left_--);
+    const Real before = truncation_;
+    const Distances<Real> distances(p, q);
+    const Real weight = std::abs(distances.both);
+    if (weight == 0) return;  // a right angle, or no edge
+    // The mean of |ln r| is at most 2 + 1 / length, for r < 3.5.
+    const Real whole = 4 * weight * (2 + 1 / std::max(p.length, q.length));
+    if (whole <= share_ / 8) {
+      truncation_ += whole;
+    } else if (!by_points_on_both(p, q, distances)) {
+      if (p.length <= q.length) {
+        by_inner_integral(p, q);
+      } else {
+        by_inner_integral(q, p);
+      }
+    }
+    left_ = std::max(left_ - (truncation_ - before), Real(0));
   }
 
   ContourResult result() const {
     const Real share = 1 / (2 * std::numbers::pi_v<Real>);
     return {static_cast<long double>((sum_ + carry_) * share), static_cast<long double>(truncation_ * share),
-            static_cast<long double>(kRoundings * std::numeric_limits<Real>::epsilon() * rounding_ * share)};
+            static_cast<long double>(kRoundings * kEpsilon * rounding_ * share)};
   }
 
  private:
@@ -104,37 +207,110 @@ class ContourSum {
     sum_ = next;
   }
 
-  /// ∫∫ ln r; the outer edge is the shorter one.
-  Real edge_pair(const Vector& p0, const Vector& p1, const Vector& u, Real p_length, const Vector& q0, const Vector& q1,
-                 const Vector& v, Real q_length) {
+  struct Points {
+    int count = 0;  ///< past kMostPoints: not even so many are enough
+    Real left_out = 0;
+  };
+
+  /// The least even number of points whose error is at most `wanted`, for functions like ln r on [-1, 1].
+  Points even_points(Real decay, Real wanted) const {
+    const Real scale = 1 / (1 - decay), squared = decay * decay;
+    Real tail = squared * scale;
+    int n = 2;
+    while (n <= kMostPoints && !(tail * rules_.share[n] <= wanted)) tail *= squared, n += 2;
+    return {n, n <= kMostPoints ? tail * rules_.share[n] : Real(0)};
+  }
+
+  /// Gauss points on both edges, if not too many of them are needed.
+  bool by_points_on_both(const Edge<Real>& p, const Edge<Real>& q, const Distances<Real>& d) {
+    const Real weight = std::abs(d.both), p_half = p.length / 2, q_half = q.length / 2;
+    const Real wanted = std::max(share_ / (4 * weight), kEpsilon / 4);
+    const Real p_sum = d.least_sum(p_half, q_half);
+    if (!(p_sum > kLeastSum)) return false;
+    Points on_p = even_points(decay_of(p_sum), wanted);
+    if (on_p.count > kMostPoints) return false;
+    const Real q_sum = d.swapped().least_sum(q_half, p_half);
+    if (!(q_sum > kLeastSum)) return false;
+    Points on_q = even_points(decay_of(q_sum), wanted);
+    if (on_q.count > kMostPoints || on_p.count * on_q.count > kMostDistances) return false;
+
+    truncation_ += 2 * weight * (on_p.left_out + on_q.left_out);
+    const auto& rule_p = rules_.of[on_p.count];
+    const auto& rule_q = rules_.of[on_q.count];
+    const int p_pairs = on_p.count / 2, q_pairs = on_q.count / 2;
+    std::array<Real, kMostPoints / 2> q_square;
+    for (int j = 0; j < q_pairs; ++j) q_square[j] = rule_q.square[j] * d.q_squared;
+    // The four points at ±s and ±t have one weight: the product of their squared distances has one logarithm.
+    Real sum = 0;
+    for (int i = 0; i < p_pairs; ++i) {
+      const Real s = rule_p.node[i], middle = d.middles + rule_p.square[i] * d.p_squared, move = 2 * s * d.along_p;
+      const Real plus = middle + move, minus = middle - move;
+      const Real plus_turn = 2 * (d.along_q + s * d.both), minus_turn = 2 * (d.along_q - s * d.both);
+      const Real plus_turned = plus_turn * plus_turn, minus_turned = minus_turn * minus_turn;
+      Real inner = 0;
+      for (int j = 0; j < q_pairs; ++j) {
+        const Real at_plus = plus + q_square[j], at_minus = minus + q_square[j], t_square = rule_q.square[j];
+        inner += rule_q.weight[j] * std::log((at_plus * at_plus - t_square * plus_turned) *
+                                             (at_minus * at_minus - t_square * minus_turned));
+      }
+      sum += rule_p.weight[i] * inner;
+    }
+    add(d.both / 2 * sum);
+    // A squared distance has the roundings of the largest terms it is made of.
+    const Real largest =
+        d.middles + d.p_squared + d.q_squared + 2 * (std::abs(d.along_p) + std::abs(d.along_q) + weight);
+    const Real distance_square = d.p_squared * (p_sum * p_sum / 4 - 1);
+    rounding_ += 4 * weight * (std::abs(sum) / 8 + largest / (8 * distance_square));
+    return true;
+  }
+
+  /// The outer edge is the shorter one.
+  void by_inner_integral(const Edge<Real>& p, const Edge<Real>& q) {
+    EdgePair<Real> pair{p.start, p.direction, q.start, q.direction, p.length, q.length, 0, 0, 0, 0, 0};
+    const Vector& u = pair.outer_direction;
+    const Vector& v = pair.inner_direction;
     const Vector cross = u.cross(v);
-    EdgePair<Real> pair{p0, u, q0, v, p_length, q_length, cross.norm(), 0, 0, 0};
-    const Real rounding = 4 * std::numeric_limits<Real>::epsilon();
+    pair.cosine = u.dot(v);
+    pair.sine = cross.norm();
+    scale_ = std::abs(pair.cosine);
+    least_share_ = kEpsilon / 16 * scale_ * p.length * q.length;
+    magnitude_ = 0;
+    add(pair.cosine * edge_pair(pair, p, q, cross));
+    rounding_ += scale_ * magnitude_;
+  }
+
+  /// ∫∫ ln r.
+  Real edge_pair(EdgePair<Real>& pair, const Edge<Real>& p, const Edge<Real>& q, const Vector& cross) {
+    const Real rounding = 4 * kEpsilon;
+    const Vector& v = pair.inner_direction;
+    const Real p_length = p.length, q_length = q.length;
     const bool parallel = pair.sine * std::max(q_length, Real(1)) <= rounding;
     if (!parallel) {
-      const Vector between = q0 - p0;
+      const Vector between = q.start - p.start;
       pair.along_outer = between.cross(v).dot(cross) / (pair.sine * pair.sine);
       // The same point on the inner line. On its own it would be as uncertain, and where both edges lie on one line up
       // to rounding, a crossing that the two place differently shifts the edges against each other.
-      pair.along_inner = pair.along_outer * u.dot(v) - between.dot(v);
+      pair.along_inner = pair.along_outer * pair.cosine - between.dot(v);
       pair.gap = std::abs(between.dot(cross)) / pair.sine;
       // A corner that both edges share is the crossing, without rounding.
-      const bool from_start = p0 == q0 || p0 == q1, from_end = p1 == q0 || p1 == q1;
+      const bool from_start = p.start == q.start || p.start == q.end, from_end = p.end == q.start || p.end == q.end;
       if (from_start || from_end) {
         pair.along_outer = from_start ? Real(0) : p_length;
-        pair.along_inner = (from_start ? p0 == q0 : p1 == q0) ? Real(0) : q_length;
+        pair.along_inner = (from_start ? p.start == q.start : p.end == q.start) ? Real(0) : q_length;
         pair.gap = 0;
       }
     } else {
       pair.sine = 0;
     }
     if (parallel || pair.gap <= rounding) {
-      const Real near_inner_middle = parallel ? (p0 + p_length / 2 * u - q0).dot(v) : pair.along_inner;
+      const Real near_inner_middle = parallel ? (p.middle - q.start).dot(v) : pair.along_inner;
       const bool reaches = parallel || (pair.along_outer >= -p_length && pair.along_outer <= 2 * p_length);
-      // The closed forms lose the digits that a long inner edge has more than the short outer one: they take its near
-      // part only.
-      const Real from = std::clamp(near_inner_middle - 3 * p_length, Real(0), q_length);
-      const Real to = std::clamp(near_inner_middle + 3 * p_length, Real(0), q_length);
+      // The closed forms lose the digits that a long inner edge has more than the short outer one: where those matter,
+      // they take its near part only.
+      const bool exact_enough = kRoundings * kEpsilon * 4 * scale_ * q_length * q_length <= share_ / 4;
+      const Real near_part = exact_enough ? q_length + std::abs(near_inner_middle) : 3 * p_length;
+      const Real from = std::clamp(near_inner_middle - near_part, Real(0), q_length);
+      const Real to = std::clamp(near_inner_middle + near_part, Real(0), q_length);
       if (reaches && to > from && is_near(pair, from, to)) {
         Real value = closed_form(pair, parallel, from, to);
         if (from > 0) value += quadrature(part_of(pair, 0, from));
@@ -156,81 +332,165 @@ class ContourSum {
   static bool is_near(const EdgePair<Real>& pair, Real from, Real to) {
     const Vector middle = pair.outer_origin + pair.outer_length / 2 * pair.outer_direction;
     const Real foot = std::clamp((middle - pair.inner_origin).dot(pair.inner_direction), from, to);
-    return (middle - pair.inner_origin - foot * pair.inner_direction).norm() < kReach * pair.outer_length / 2;
+    return (middle - pair.inner_origin - foot * pair.inner_direction).norm() < Real(2.5) * pair.outer_length / 2;
   }
 
   Real closed_form(const EdgePair<Real>& pair, bool parallel, Real from, Real to) {
-    magnitude_ += pair.outer_length * (to - from + pair.outer_length) * 4;
-    const Real cosine = pair.outer_direction.dot(pair.inner_direction);
+    const Real extent = to - from + pair.outer_length;
+    magnitude_ += 4 * extent * (extent > 8 * pair.outer_length ? extent : pair.outer_length);
     if (parallel) {
       const Vector between = pair.outer_origin - pair.inner_origin;
       const Real height = between.cross(pair.inner_direction).norm();
       const Real start = between.dot(pair.inner_direction);
-      const Real end = start + std::copysign(pair.outer_length, cosine);
+      const Real end = start + std::copysign(pair.outer_length, pair.cosine);
       const Real value = parallel_integral(end - from, height) - parallel_integral(start - from, height) -
                          parallel_integral(end - to, height) + parallel_integral(start - to, height);
-      return cosine > 0 ? value : -value;
+      return pair.cosine > 0 ? value : -value;
     }
     const Real s0 = -pair.along_outer, s1 = pair.outer_length - pair.along_outer;
     const Real t0 = from - pair.along_inner, t1 = to - pair.along_inner;
-    return corner_integral(s1, t1, cosine, pair.sine) - corner_integral(s0, t1, cosine, pair.sine) -
-           corner_integral(s1, t0, cosine, pair.sine) + corner_integral(s0, t0, cosine, pair.sine);
+    return corner_integral(s1, t1, pair.cosine, pair.sine) - corner_integral(s0, t1, pair.cosine, pair.sine) -
+           corner_integral(s1, t0, pair.cosine, pair.sine) + corner_integral(s0, t0, pair.cosine, pair.sine);
   }
 
-  Real quadrature(const EdgePair<Real>& pair) { return panel(pair, 0, pair.outer_length); }
+  /// What all panels of an outer edge share.
+  struct Outer {
+    const EdgePair<Real>& pair;
+    Vector rise;  ///< the outer direction's part across the inner edge
+    /// Whether the point of the inner line next to the outer one lies on the edge; unknown where rounding decides.
+    enum { kInside, kOutside, kUnknown } closest;
+  };
 
-  /// ∫ of the inner integral over the outer edge's [from, to], halved until no corner stands near.
-  Real panel(const EdgePair<Real>& pair, Real from, Real to) {
-    const Real half = (to - from) / 2, middle = (from + to) / 2;
-    const Real cosine = pair.outer_direction.dot(pair.inner_direction);
+  Real quadrature(const EdgePair<Real>& pair) {
+    Outer outer{pair, pair.outer_direction - pair.cosine * pair.inner_direction, Outer::kOutside};
+    if (pair.sine > 0) {
+      const Real doubt = 64 * kEpsilon / pair.sine;
+      const Real inside = std::min(pair.along_inner, pair.inner_length - pair.along_inner);
+      outer.closest = inside > doubt ? Outer::kInside : inside < -doubt ? Outer::kOutside : Outer::kUnknown;
+    }
+    return panel(outer, 0, pair.outer_length, share_ / 2);  // one of at most two parts
+  }
+
+  /// ∫ of the inner integral over the outer edge's [from, to], halved where a singularity stands near.
+  /// @param share  what may be left out, the cosine included
+  Real panel(const Outer& outer, Real from, Real to, Real share) {
+    const EdgePair<Real>& pair = outer.pair;
+    const Vector& v = pair.inner_direction;
+    const Real half = (to - from) / 2, middle = (from + to) / 2, length = pair.inner_length;
     const Vector offset = pair.outer_origin + middle * pair.outer_direction - pair.inner_origin;
-    const Real along = offset.dot(pair.inner_direction);  // foot of the panel's middle on the inner line
-    const Vector across = offset - along * pair.inner_direction;
-    const Real height = across.norm();
-    const Real start = -along, end = pair.inner_length - along;
-    const Real to_corner = std::min(std::hypot(start, height), std::hypot(end, height));
-    const Real drift = std::abs(cosine) * half;
-    const bool start_fixed = std::abs(start) >= drift, end_fixed = std::abs(end) >= drift;
-    const bool inside = start < 0 && end > 0;
-    const bool split_kink = inside && start_fixed && end_fixed;
-    const bool smooth = height >= kReach * half * pair.sine || (start_fixed && end_fixed);
-    // A panel shorter than the rounding of its coordinates cannot matter, for the integrand is bounded; and halving it
-    // would not end, because none of its parts can be told from the corner.
-    if (half > std::numeric_limits<Real>::epsilon() && (!smooth || to_corner < kReach * half)) {
-      return panel(pair, from, middle) + panel(pair, middle, to);
+    const Real along = offset.dot(v);  // foot of the panel's middle on the inner line
+    const Vector across = offset - along * v;
+
+    // The ends of the panel, seen from the inner edge's line and corners.
+    const Real run = pair.cosine * half;
+    const Real low_square = (across - half * outer.rise).squaredNorm();
+    const Real high_square = (across + half * outer.rise).squaredNorm();
+    const auto corner_sum = [&](Real foot) {
+      return std::sqrt(low_square + (foot + run) * (foot + run)) + std::sqrt(high_square + (foot - run) * (foot - run));
+    };
+    const std::array<Real, 2> foot{-along, length - along};
+    const std::array<Real, 2> sum{corner_sum(foot[0]), corner_sum(foot[1])};
+    const Real low = std::sqrt(low_square), high = std::sqrt(high_square), heights = low + high;
+    const Real nearest = heights > 0 ? run * (low - high) / heights : Real(0);
+    // The least sum of distances of an inner point to both ends.
+    const Real least_sum = nearest < foot[0]   ? sum[0]
+                           : nearest > foot[1] ? sum[1]
+                                               : std::sqrt(4 * run * run + heights * heights);
+
+    const Real accepted = std::max(share, least_share_), wanted = accepted / scale_;
+    Real decay = decay_of(least_sum / half);
+    Points points = points_of_logs(half * length, decay, wanted);
+    bool split_kink = false;
+    if (points.count > 2 && std::min(sum[0], sum[1]) > least_sum) {
+      // The inner edge's interior is nearer than its corners, but only the kink makes that matter.
+      std::array<Real, 2> corner_decay{decay_of(sum[0] / half), decay_of(sum[1] / half)};
+      bool split = false;
+      if (pair.sine > 0) {
+        const Real beyond = pair.along_outer - middle, aside = pair.gap / pair.sine;
+        const Real kink_decay = decay_of((std::sqrt((beyond - half) * (beyond - half) + aside * aside) +
+                                          std::sqrt((beyond + half) * (beyond + half) + aside * aside)) /
+                                         half);
+        if (kink_decay > std::min(corner_decay[0], corner_decay[1])) {
+          split = outer.closest == Outer::kInside;
+          if (outer.closest == Outer::kUnknown)
+            for (Real& each : corner_decay) each = std::max(each, kink_decay);
+        }
+      }
+      const Real height = across.norm(), speed = std::abs(pair.cosine) + pair.sine;
+      std::array<Real, 2> size;
+      for (int k = 0; k < 2; ++k) {
+        const Real root = std::sqrt(corner_decay[k]);
+        size[k] = half * (std::abs(foot[k]) + height + speed * half * (root + 1 / root) / 2);
+      }
+      const Points by_corners = points_of_corners(size, corner_decay, wanted);
+      if (by_corners.count < points.count) {
+        points = by_corners;
+        split_kink = split;
+        decay = std::max(corner_decay[0], corner_decay[1]);
+      }
     }
 
-    const Real reach = std::max(to_corner / half, Real(1.001));
-    const Real ellipse = reach + std::sqrt(reach * reach - 1);
-    // 16: (64/15) of the Bernstein bound times the inner integral on the ellipse, about 3 inner lengths.
-    const Real variation = 16 * half * std::min(pair.inner_length, 4 * (to_corner + half) + height);
-    int points = 2;
-    Real left_out = variation * std::pow(ellipse, Real(-4));
-    const Real squared = ellipse * ellipse;
-    const Real wanted = std::max(panel_tolerance_ / std::max(std::abs(scale_), Real(1e-3)),
-                                 std::numeric_limits<Real>::epsilon() * half * pair.inner_length / 4);
-    while (left_out > wanted && points < 24) left_out /= squared, ++points;
-    truncation_ += std::abs(scale_) * left_out;
-
-    const GaussRule& rule = gauss_legendre(points);
-    Real sum = 0, size = 0;
-    for (int i = 0; i < points; ++i) {
-      const Real t = middle + half * static_cast<Real>(rule.node[i]);
-      const Vector x = pair.outer_origin + t * pair.outer_direction - pair.inner_origin;
-      const Real foot = x.dot(pair.inner_direction);
-      const Real h = x.cross(pair.inner_direction).norm();
-      const Real s0 = -foot, s1 = pair.inner_length - foot;
-      const Real r0 = std::hypot(s0, h), r1 = std::hypot(s1, h);
-      const Real arc = split_kink ? -h * (std::atan2(h, s1) + std::atan2(h, -s0))
-                                  : h * std::atan2(h * pair.inner_length, h * h + s0 * s1);
-      const Real logs = times_log(s1, r1) - times_log(s0, r0);
-      sum += static_cast<Real>(rule.weight[i]) * (logs - pair.inner_length + arc);
-      size = std::max(size, std::abs(logs) + pair.inner_length);
+    // Two panels of two points cost no less than one of four; past the square root of the ellipse that half a panel
+    // has (5.83, a corner next to its end), halving is cheaper.
+    if (points.count > kMostPoints || (points.count > 4 && decay > Real(0.17))) {
+      const Real square = scale_ * half * half;
+      bool small = half <= kEpsilon;
+      points = {1, 0};
+      if (4 * square * (std::abs(pair.cosine) + pair.sine) <= accepted) {
+        const Real farthest = std::max(sum[0], sum[1]);
+        points.left_out = half * half *
+                          (2 * std::numbers::pi_v<Real> * pair.sine +
+                           4 * std::abs(pair.cosine) * (1 + std::log(2 * farthest / half)));
+        small = small || points.left_out <= wanted;
+      }
+      if (!small) {
+        const Real low_past = run + std::clamp(-run, foot[0], foot[1]);
+        const Real high_past = run - std::clamp(run, foot[0], foot[1]);
+        const bool low_is_near = low_square + low_past * low_past < high_square + high_past * high_past;
+        const Real before = truncation_;
+        const Real far_half = low_is_near ? panel(outer, middle, to, share / 2) : panel(outer, from, middle, share / 2);
+        const Real rest = std::max(share - (truncation_ - before), Real(0));
+        return far_half + (low_is_near ? panel(outer, from, middle, rest) : panel(outer, middle, to, rest));
+      }
     }
-    magnitude_ += 2 * half * size;
-    Real value = half * sum;
+    truncation_ += scale_ * points.left_out;
+
+    const auto& rule = rules_.of[points.count];
+    Real value = 0, largest = 0;
+    for (int i = 0; i < points.count; ++i) {
+      const Real move = half * rule.node[i];
+      const Real height_square = (across + move * outer.rise).squaredNorm(), height = std::sqrt(height_square);
+      const Real s0 = foot[0] - move * pair.cosine, s1 = foot[1] - move * pair.cosine;
+      const Real logs = times_log_root(s1, height_square + s1 * s1) - times_log_root(s0, height_square + s0 * s0);
+      const Real turn = height_square + s0 * s1;
+      const Real angle = split_kink ? -std::atan2(height * length, -turn) : std::atan2(height * length, turn);
+      value += rule.weight[i] * (logs - length + height * angle);
+      largest = std::max(largest, std::abs(logs) + length);
+    }
+    magnitude_ += 2 * half * largest;
+    value *= half;
     if (split_kink) value += std::numbers::pi_v<Real> * distance_integral(pair, from, to);
     return value;
+  }
+
+  /// Points for the inner integral over logarithms of distances, whose Chebyshev coefficients are known.
+  Points points_of_logs(Real size, Real decay, Real wanted) const {
+    if (decay > kMostDecay) return {kMostPoints + 1, 0};
+    Real tail = size * decay * decay / (1 - decay);
+    int n = 2;
+    while (n <= kMostPoints && !(tail * rules_.share[n] <= wanted)) tail *= decay, ++n;
+    return {n, tail * rules_.share[std::min(n, kMostPoints)]};
+  }
+
+  /// Points for the functions of both corners, each at most 2π size on its own ellipse; Bernstein.
+  Points points_of_corners(const std::array<Real, 2>& size, const std::array<Real, 2>& decay, Real wanted) const {
+    if (std::max(decay[0], decay[1]) > kMostDecay) return {kMostPoints + 1, 0};
+    constexpr Real kBernstein = 64 * 2 * std::numbers::pi_v<Real> / 15;
+    std::array<Real, 2> tail;
+    for (int k = 0; k < 2; ++k) tail[k] = kBernstein * size[k] * decay[k] * decay[k] / (1 - decay[k]);
+    int n = 2;
+    while (n <= kMostPoints && !(tail[0] + tail[1] <= wanted)) tail[0] *= decay[0], tail[1] *= decay[1], ++n;
+    return {n, tail[0] + tail[1]};
   }
 
   /// ∫ h over the outer edge's [from, to], h the distance to the inner line.
@@ -243,41 +503,55 @@ class ContourSum {
     // Nearly parallel lines cross too far away for the antiderivative; h is then smooth and a plain rule exact enough.
     if (pair.sine == 0 || pair.gap >= 30 * pair.sine * std::max(std::abs(a), std::abs(b)) ||
         (a * b > 0 && std::min(std::abs(a), std::abs(b)) > 4 * (b - a))) {
-      const GaussRule& rule = gauss_legendre(16);
+      const auto& rule = rules_.of[16];
       Real sum = 0;
-      for (int i = 0; i < rule.points; ++i)
-        sum += static_cast<Real>(rule.weight[i]) *
-               height_at((from + to) / 2 + (to - from) / 2 * static_cast<Real>(rule.node[i]));
+      for (int i = 0; i < 16; ++i) sum += rule.weight[i] * height_at((from + to) / 2 + (to - from) / 2 * rule.node[i]);
       return (to - from) / 2 * sum;
     }
     const auto antiderivative = [&](Real tau) {  // of sqrt(gap² + sine² τ²), odd in τ
-      const Real h = std::hypot(pair.gap, pair.sine * tau);
-      const Real log_part =
-          pair.gap == 0 ? Real(0) : pair.gap * pair.gap / pair.sine * std::asinh(pair.sine * tau / pair.gap);
+      const Real rise = pair.sine * tau, h = std::sqrt(pair.gap * pair.gap + rise * rise);
+      const Real log_part = pair.gap == 0 ? Real(0) : pair.gap * pair.gap / pair.sine * std::asinh(rise / pair.gap);
       return (tau * h + log_part) / 2;
     };
     return antiderivative(b) - antiderivative(a);
   }
 
-  static constexpr Real kReach =
-      2.5;  ///< distance of the nearest corner over half a panel's length; 2.5 gives 1e-19 at 16 points
+  static constexpr Real kEpsilon = std::numeric_limits<Real>::epsilon();
   /// Roundings a term may gather: 25 were seen in double, whose corners are rounded themselves (a patch ten sizes from
   /// one of 1e4 times its area), 9 in extended precision.
   static constexpr Real kRoundings = std::is_same_v<Real, double> ? 40 : 16;
+  static constexpr Real kLeastSum = 2.2;      ///< of points on both edges: ρ = 1.56
+  static constexpr int kMostDistances = 256;  ///< of points on both edges, past which the inner integral is cheaper
+  static constexpr Real kMostDecay = 0.6;
 
-  Real panel_tolerance_;
+  Real left_;
+  int pairs_left_;
+  const Rules<Real>& rules_;
   Real sum_ = 0, carry_ = 0;
-  Real scale_ = 0;      ///< u·v of the present pair of edges
-  Real magnitude_ = 0;  ///< of what was summed for it
+  Real share_ = 0;        ///< of the present pair of edges
+  Real least_share_ = 0;  ///< rounding makes less pointless
+  Real scale_ = 0;        ///< |u·v|
+  Real magnitude_ = 0;    ///< of what was summed for it
   Real truncation_ = 0, rounding_ = 0;
 };
+
+template <class Real>
+using Edges = std::array<Edge<Real>, 8>;
+
+template <class Real>
+Edges<Real> edges_of(const ClippedPolygon<Real>& polygon) {
+  Edges<Real> edges;
+  for (int i = 0; i < polygon.corners; ++i)
+    edges[i] = Edge<Real>(polygon.corner[i], polygon.corner[i + 1 == polygon.corners ? 0 : i + 1]);
+  return edges;
+}
 
 }  // namespace
 
 const GaussRule& gauss_legendre(int n) {
-  static const std::array<GaussRule, 25> rules = [] {
-    std::array<GaussRule, 25> made;
-    for (int i = 1; i <= 24; ++i) made[i] = make_gauss_legendre(i);
+  static const std::array<GaussRule, kMostPoints + 1> rules = [] {
+    std::array<GaussRule, kMostPoints + 1> made;
+    for (int i = 1; i <= kMostPoints; ++i) made[i] = make_gauss_legendre(i);
     return made;
   }();
   return rules[n];
@@ -285,11 +559,10 @@ const GaussRule& gauss_legendre(int n) {
 
 template <class Real>
 ContourResult contour_exchange_area(const ClippedPolygon<Real>& a, const ClippedPolygon<Real>& b, Real tolerance) {
-  ContourSum<Real> sum(tolerance, a.corners * b.corners);
+  const Edges<Real> a_edges = edges_of(a), b_edges = edges_of(b);
+  ContourSum<Real> sum(2 * std::numbers::pi_v<Real> * tolerance, a.corners * b.corners);
   for (int i = 0; i < a.corners; ++i)
-    for (int j = 0; j < b.corners; ++j)
-      sum.add_edges(a.corner[i], a.corner[i + 1 == a.corners ? 0 : i + 1], b.corner[j],
-                    b.corner[j + 1 == b.corners ? 0 : j + 1]);
+    for (int j = 0; j < b.corners; ++j) sum.add_edges(a_edges[i], b_edges[j]);
   return sum.result();
 }
 

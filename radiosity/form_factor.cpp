@@ -110,6 +110,16 @@ NormalisedPair normalise(const Polygon& a, const Polygon& b) {
   return pair;
 }
 
+/// No pair of patches of this turn exchanges more than this share of the smaller area: of the directions over a point's
+/// horizon, those towards the front of the other plane lie between two planes, of which Lambert's cosine sees
+/// (1 - cos) / 2 = |n - n'|² / 4. Corners off their plane count as a turn.
+template <class Real>
+Real most_by_turn(const Plane<Real>& first, const Plane<Real>& second) {
+  const Real turn = (first.normal - second.normal).norm() +
+                    4 * (first.deviation / first.thickness + second.deviation / second.thickness);
+  return std::min(turn * turn / 4, Real(1));
+}
+
 /// A1 F12 in units of 4^exponent, `tolerance` in the same.
 FormFactor normalised_exchange(const NormalisedPair& pair, double tolerance) {
   const long double least_area = std::min(pair.first_plane.area, pair.second_plane.area);
@@ -131,10 +141,11 @@ FormFactor normalised_exchange(const NormalisedPair& pair, double tolerance) {
 
   const double round_off = 1e-15 * static_cast<double>(least_area);
   const double wanted = std::max(tolerance, round_off);
-  detail::ContourResult result = detail::contour_exchange_area(in_double(first), in_double(second), 0.25 * wanted);
+  detail::ContourResult result = detail::contour_exchange_area(in_double(first), in_double(second), 0.45 * wanted);
   if (result.rounding > 0.5L * wanted)  // terms far larger than their sum: tiny, skinny or nearly coplanar polygons
-    result = detail::contour_exchange_area(first, second, 0.25L * wanted);
-  const double value = static_cast<double>(std::clamp(result.exchange_area, 0.0L, least_area));
+    result = detail::contour_exchange_area(first, second, 0.45L * wanted);
+  const long double most = least_area * most_by_turn(pair.first_plane, pair.second_plane);
+  const double value = static_cast<double>(std::clamp(result.exchange_area, 0.0L, most));
   const double estimate = static_cast<double>(result.truncation + result.rounding) + kEpsilon * value;
   return {value, estimate, FormFactorMethod::kContourQuadrature};
 }
