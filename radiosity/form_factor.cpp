@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <optional>
 
 #include "diagnostics/error.h"
 #include "radiosity/contour_kernel.h"
@@ -22,6 +23,9 @@ using Vector = Eigen::Matrix<long double, 3, 1>;
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
 void check_finite(const Polygon& polygon, const char* which) {
+  double sum = 0;
+  for (int i = 0; i < polygon.corners; ++i) sum += 0 * polygon.corner[i].sum();
+  if (sum == 0) return;  // else infinities or NaN, or a sum that overflowed
   for (int i = 0; i < polygon.corners; ++i)
     for (int axis = 0; axis < 3; ++axis)
       if (!std::isfinite(polygon.corner[i][axis]))
@@ -40,15 +44,14 @@ bool comes_first(const Polygon& a, const Polygon& b) {
   return true;
 }
 
-/// Moved by `origin` and multiplied by a power of two; repeated corners dropped.
-ClippedPolygon<long double> normalised(const Polygon& polygon, const Eigen::Vector3d& origin, int exponent) {
-  ClippedPolygon<long double> moved;
+/// Moved by `origin` and multiplied by a power of two, each coordinate rounded once; repeated corners dropped.
+template <class Real>
+ClippedPolygon<Real> normalised(const Polygon& polygon, const Eigen::Vector3d& origin, Real scale) {
+  ClippedPolygon<Real> moved;
   for (int i = 0; i < polygon.corners; ++i) {
     const Eigen::Vector3d& next = polygon.corner[i + 1 == polygon.corners ? 0 : i + 1];
     if (polygon.corner[i] == next) continue;
-    Vector& corner = moved.corner[moved.corners++];
-    for (int axis = 0; axis < 3; ++axis)
-      corner[axis] = std::ldexp(static_cast<long double>(polygon.corner[i][axis]) - origin[axis], -exponent);
+    moved.corner[moved.corners++] = scale * (polygon.corner[i].cast<Real>() - origin.cast<Real>());
   }
   return moved;
 }
@@ -85,30 +88,30 @@ bool overlap(const ClippedPolygon<long double>& a, const ClippedPolygon<long dou
   return !separated_by_edge_of(a, b) && !separated_by_edge_of(b, a);
 }
 
-struct NormalisedPair {
-  ClippedPolygon<long double> first, second;  ///< as given, in units of 2^exponent
-  Plane<long double> first_plane, second_plane;
-  int exponent = 0;
-};
-
-NormalisedPair normalise(const Polygon& a, const Polygon& b) {
+/// Half the largest extent of both along an axis, so that coordinates near the largest double do not overflow.
+double half_extent(const Polygon& a, const Polygon& b) {
   Eigen::Vector3d low = a.corner[0], high = low;
   for (const Polygon* polygon : {&a, &b})
     for (int i = 0; i < polygon->corners; ++i) {
       low = low.cwiseMin(polygon->corner[i]);
       high = high.cwiseMax(polygon->corner[i]);
     }
-  // Half of each, so that coordinates near the largest double do not overflow.
-  const double half_extent = (high / 2 - low / 2).maxCoeff();
-  NormalisedPair pair;
-  if (!(half_extent > 0)) return pair;
-  pair.exponent = std::ilogb(half_extent) + 1;
-  pair.first = normalised(a, a.corner[0], pair.exponent);
-  pair.second = normalised(b, a.corner[0], pair.exponent);
-  if (pair.first.corners >= 3) pair.first_plane = detail::plane_of(pair.first);
-  if (pair.second.corners >= 3) pair.second_plane = detail::plane_of(pair.second);
-  return pair;
+  return (high / 2 - low / 2).maxCoeff();
 }
+
+template <class Real>
+struct NormalisedPair {
+  ClippedPolygon<Real> first, second;  ///< as given, from the first one's first corner, in units of 2^exponent
+  Plane<Real> first_plane, second_plane;
+
+  NormalisedPair(const Polygon& a, const Polygon& b, int exponent) {
+    const Real scale = std::ldexp(Real(1), -exponent);
+    first = normalised(a, a.corner[0], scale);
+    second = normalised(b, a.corner[0], scale);
+    if (first.corners >= 3) first_plane = detail::plane_of(first);
+    if (second.corners >= 3) second_plane = detail::plane_of(second);
+  }
+};
 
 /// No pair of patches of this turn exchanges more than this share of the smaller area: of the directions over a point's
 /// horizon, those towards the front of the other plane lie between two planes, of which Lambert's cosine sees
@@ -120,8 +123,10 @@ Real most_by_turn(const Plane<Real>& first, const Plane<Real>& second) {
   return std::min(turn * turn / 4, Real(1));
 }
 
-/// A1 F12 in units of 4^exponent, `tolerance` in the same.
-FormFactor normalised_exchange(const NormalisedPair& pair, double tolerance) {
+double round_off(double least_area) { return 1e-15 * least_area; }
+
+/// A1 F12 in units of 4^exponent, `tolerance` in the same; sides decided in extended precision.
+FormFactor exchange_in_extended(const NormalisedPair<long double>& pair, double tolerance) {
   const long double least_area = std::min(pair.first_plane.area, pair.second_plane.area);
   if (!(least_area > 0)) return {};
   const ClippedPolygon<long double> first = detail::clip_to_front(pair.first, pair.second_plane);
@@ -139,8 +144,7 @@ FormFactor normalised_exchange(const NormalisedPair& pair, double tolerance) {
   }
   if (first.corners < 3 || second.corners < 3) return {};
 
-  const double round_off = 1e-15 * static_cast<double>(least_area);
-  const double wanted = std::max(tolerance, round_off);
+  const double wanted = std::max(tolerance, round_off(static_cast<double>(least_area)));
   detail::ContourResult result = detail::contour_exchange_area(in_double(first), in_double(second), 0.45 * wanted);
   if (result.rounding > 0.5L * wanted)  // terms far larger than their sum: tiny, skinny or nearly coplanar polygons
     result = detail::contour_exchange_area(first, second, 0.45L * wanted);
@@ -150,17 +154,77 @@ FormFactor normalised_exchange(const NormalisedPair& pair, double tolerance) {
   return {value, estimate, FormFactorMethod::kContourQuadrature};
 }
 
-FormFactor canonical_exchange(const Polygon& a, const Polygon& b, double tolerance, int& exponent,
-                              long double& a_area) {
-  check_finite(a, "first");
-  check_finite(b, "second");
-  if (a.corners < 3 || b.corners < 3) return {};
+/// The part in front of a plane as far as double precision can tell.
+struct FrontPart {
+  ClippedPolygon<double> kept;
+  bool decided = true;     ///< false: nothing lies clearly in front, and not all clearly behind
+  double misplaced = 0.0;  ///< bound on the area that rounding puts on the wrong side
+};
+
+FrontPart front_part(const ClippedPolygon<double>& polygon, double longest, const Plane<double>& plane) {
+  constexpr double kReach = 3.5;  // no two points of a normalised pair are farther apart
+  const double open = 8 * kEpsilon * (1 + kReach * (1 + plane.longest() / plane.thickness)) +
+                      2 * plane.deviation * (1 + 2 * kReach / plane.thickness);
+  std::array<double, 8> distance;
+  std::array<int, 8> side;
+  double highest = -kReach, lowest = kReach;
+  bool all_clear = true;
+  for (int i = 0; i < polygon.corners; ++i) {
+    distance[i] = plane.normal.dot(polygon.corner[i] - plane.anchor);
+    side[i] = distance[i] > open ? 1 : distance[i] < -open ? -1 : 0;
+    all_clear = all_clear && side[i] != 0;
+    highest = std::max(highest, distance[i]);
+    lowest = std::min(lowest, distance[i]);
+  }
+  if (lowest > open) return {polygon};
+  if (highest < -open) return {};
+  if (!(highest > open)) return {{}, false};
+  // Between the heights ±open lies a strip, at most this wide and as long as the polygon.
+  const double width = 2 * open * longest / (highest - lowest);
+  return {detail::clip_to_front(polygon, distance, side), true, width * longest};
+}
+
+/// The same in double throughout; nothing where that is not exact enough.
+std::optional<FormFactor> exchange_in_double(const NormalisedPair<double>& pair, double tolerance) {
+  const Plane<double>&first_plane = pair.first_plane, &second_plane = pair.second_plane;
+  constexpr double kLeastThickness = 1e-5;  // over the length; the normals of thinner ones are uncertain
+  for (const Plane<double>* plane : {&first_plane, &second_plane})
+    if (!(plane->area > 0 && plane->thickness > kLeastThickness * plane->longest())) return {};
+  const FrontPart first = front_part(pair.first, first_plane.longest(), second_plane);
+  const FrontPart second = front_part(pair.second, second_plane.longest(), first_plane);
+  if (!first.decided || !second.decided) return {};
+  if (first.kept.corners < 3 || second.kept.corners < 3) return FormFactor{};
+
+  const double least_area = std::min(first_plane.area, second_plane.area);
+  const double wanted = std::max(tolerance, round_off(least_area));
+  // Points see no more than 1 of what is on the wrong side.
+  const double misplaced = first.misplaced + second.misplaced;
+  if (misplaced > 0.04 * wanted) return {};
+  const detail::ContourResult result = detail::contour_exchange_area(first.kept, second.kept, 0.45 * wanted);
+  if (result.rounding > 0.5L * wanted) return {};
+  const double uncertain =
+      8 * kEpsilon * (first_plane.longest() / first_plane.thickness + second_plane.longest() / second_plane.thickness);
+  const double most = least_area * std::min(1.0, most_by_turn(first_plane, second_plane) + uncertain * uncertain);
+  const double value = std::clamp(static_cast<double>(result.exchange_area), 0.0, most);
+  const double estimate = static_cast<double>(result.truncation + result.rounding) + misplaced + kEpsilon * value;
+  return FormFactor{value, estimate, FormFactorMethod::kContourQuadrature};
+}
+
+/// Of the power of two past the extent of both; nothing where that is 0.
+std::optional<int> common_exponent(const Polygon& a, const Polygon& b) {
+  const double half = half_extent(a, b);
+  if (!(half > 0)) return {};
+  return std::ilogb(half) + 1;
+}
+
+/// A1 F12 in units of 4^exponent, `tolerance` in the same.
+FormFactor normalised_exchange(const Polygon& a, const Polygon& b, int exponent, double tolerance) {
   const bool in_order = comes_first(a, b);
-  const NormalisedPair pair = in_order ? normalise(a, b) : normalise(b, a);
-  exponent = pair.exponent;
-  a_area = in_order ? pair.first_plane.area : pair.second_plane.area;
-  const double scaled = std::ldexp(tolerance, -2 * exponent);
-  return normalised_exchange(pair, scaled);
+  const Polygon &first = in_order ? a : b, &second = in_order ? b : a;
+  if (std::abs(exponent) < 500)  // nothing near the ends of the range of double
+    if (const auto found = exchange_in_double(NormalisedPair<double>(first, second, exponent), tolerance))
+      return *found;
+  return exchange_in_extended(NormalisedPair<long double>(first, second, exponent), tolerance);
 }
 
 }  // namespace
@@ -190,24 +254,27 @@ const char* name(FormFactorMethod method) {
 }
 
 FormFactor exchange_area(const Polygon& a, const Polygon& b, double tolerance) {
-  int exponent = 0;
-  long double area = 0;
-  FormFactor result = canonical_exchange(a, b, tolerance, exponent, area);
-  result.value = std::ldexp(result.value, 2 * exponent);
-  result.error_estimate = std::ldexp(result.error_estimate, 2 * exponent);
+  check_finite(a, "first");
+  check_finite(b, "second");
+  if (a.corners < 3 || b.corners < 3) return {};
+  const std::optional<int> exponent = common_exponent(a, b);
+  if (!exponent) return {};
+  FormFactor result = normalised_exchange(a, b, *exponent, std::ldexp(tolerance, -2 * *exponent));
+  result.value = std::ldexp(result.value, 2 * *exponent);
+  result.error_estimate = std::ldexp(result.error_estimate, 2 * *exponent);
   return result;
 }
 
 FormFactor form_factor(const Polygon& from, const Polygon& to, double tolerance) {
-  Eigen::Vector3d twice_area = Eigen::Vector3d::Zero();
   check_finite(from, "first");
-  for (int i = 1; i + 1 < from.corners; ++i)
-    twice_area += (from.corner[i] - from.corner[0]).cross(from.corner[i + 1] - from.corner[0]);
-  const double from_area = twice_area.stableNorm() / 2;
-  int exponent = 0;
-  long double area = 0;
-  FormFactor result = canonical_exchange(from, to, tolerance * from_area, exponent, area);
+  check_finite(to, "second");
+  if (from.corners < 3 || to.corners < 3) return {};
+  const std::optional<int> exponent = common_exponent(from, to);
+  if (!exponent) return {};
+  const auto moved = normalised(from, from.corner[0], std::ldexp(1.0L, -*exponent));
+  const long double area = moved.corners < 3 ? 0.0L : detail::plane_of(moved).area;
   if (!(area > 0)) return {};
+  FormFactor result = normalised_exchange(from, to, *exponent, tolerance * static_cast<double>(area));
   result.value = std::min(static_cast<double>(result.value / area), 1.0);
   result.error_estimate = std::min(static_cast<double>(result.error_estimate / area) + kEpsilon * result.value, 1.0);
   return result;
@@ -219,7 +286,7 @@ double point_form_factor(const Eigen::Vector3d& point, const Eigen::Vector3d& no
   double size = 0;
   for (int i = 0; i < to.corners; ++i) size = std::max(size, (to.corner[i] / 2 - point / 2).lpNorm<Eigen::Infinity>());
   if (!(size > 0)) return 0.0;
-  const ClippedPolygon<long double> moved = normalised(to, point, std::ilogb(size) + 1);
+  const ClippedPolygon<long double> moved = normalised(to, point, std::ldexp(1.0L, -std::ilogb(size) - 1));
   if (moved.corners < 3) return 0.0;
   const Plane<long double> plane = detail::plane_of(moved);
   if (!(plane.area > 0)) return 0.0;

@@ -27,6 +27,8 @@ struct Plane {
   Real area = 0;
   Real deviation = 0;  ///< farthest corner off the plane (rounded coordinates of a quad)
   Real thickness = 0;  ///< least width of the polygon, by which `deviation` is levered outwards
+
+  Real longest() const { return 2 * area / thickness; }  ///< between two corners
 };
 
 template <class Real>
@@ -40,11 +42,12 @@ Plane<Real> plane_of(const ClippedPolygon<Real>& polygon) {
     const Vector first = polygon.corner[i] - origin, second = polygon.corner[i + 1] - origin;
     twice_area += first.cross(second);
   }
-  Real longest = 0;
+  Real longest_square = 0;
   for (int i = 1; i < polygon.corners; ++i) plane.anchor += (polygon.corner[i] - origin) / Real(polygon.corners);
   for (int i = 0; i < polygon.corners; ++i)
-    for (int j = 0; j < i; ++j) longest = std::max(longest, (polygon.corner[i] - polygon.corner[j]).norm());
-  const Real norm = twice_area.norm();
+    for (int j = 0; j < i; ++j)
+      longest_square = std::max(longest_square, (polygon.corner[i] - polygon.corner[j]).squaredNorm());
+  const Real longest = std::sqrt(longest_square), norm = twice_area.norm();
   // Collinear corners leave an area of rounding errors only.
   if (!(norm > Real(16) * std::numeric_limits<double>::epsilon() * longest * longest)) return plane;
   plane.normal = twice_area / norm;
@@ -66,14 +69,13 @@ int side_of(const Plane<Real>& plane, const Eigen::Matrix<Real, 3, 1>& point, Re
 }
 
 /// The part of `polygon` in front of `plane`; no corners if nothing lies in front.
+/// @param distance  of each corner
+/// @param side  of each corner: -1, 0 or 1
 template <class Real>
-ClippedPolygon<Real> clip_to_front(const ClippedPolygon<Real>& polygon, const Plane<Real>& plane) {
-  std::array<Real, 8> distance;
-  std::array<int, 8> side;
+ClippedPolygon<Real> clip_to_front(const ClippedPolygon<Real>& polygon, const std::array<Real, 8>& distance,
+                                   const std::array<int, 8>& side) {
   bool any_front = false, any_behind = false;
   for (int i = 0; i < polygon.corners; ++i) {
-    distance[i] = plane.normal.dot(polygon.corner[i] - plane.anchor);
-    side[i] = side_of(plane, polygon.corner[i], distance[i]);
     any_front = any_front || side[i] > 0;
     any_behind = any_behind || side[i] < 0;
   }
@@ -89,6 +91,17 @@ ClippedPolygon<Real> clip_to_front(const ClippedPolygon<Real>& polygon, const Pl
     }
   }
   return kept;
+}
+
+template <class Real>
+ClippedPolygon<Real> clip_to_front(const ClippedPolygon<Real>& polygon, const Plane<Real>& plane) {
+  std::array<Real, 8> distance;
+  std::array<int, 8> side;
+  for (int i = 0; i < polygon.corners; ++i) {
+    distance[i] = plane.normal.dot(polygon.corner[i] - plane.anchor);
+    side[i] = side_of(plane, polygon.corner[i], distance[i]);
+  }
+  return clip_to_front(polygon, distance, side);
 }
 
 }  // namespace interglow::radiosity::detail
