@@ -4,10 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <type_traits>
 
 #include "diagnostics/error.h"
 #include "radiosity/contour_kernel.h"
@@ -44,13 +47,18 @@ bool comes_first(const Polygon& a, const Polygon& b) {
   return true;
 }
 
+/// Without branches, which would be guessed wrong.
+bool same(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return static_cast<bool>(int(a[0] == b[0]) & int(a[1] == b[1]) & int(a[2] == b[2]));
+}
+
 /// Moved by `origin` and multiplied by a power of two, each coordinate rounded once; repeated corners dropped.
 template <class Real>
 ClippedPolygon<Real> normalised(const Polygon& polygon, const Eigen::Vector3d& origin, Real scale) {
   ClippedPolygon<Real> moved;
   for (int i = 0; i < polygon.corners; ++i) {
     const Eigen::Vector3d& next = polygon.corner[i + 1 == polygon.corners ? 0 : i + 1];
-    if (polygon.corner[i] == next) continue;
+    if (same(polygon.corner[i], next)) continue;
     moved.corner[moved.corners++] = scale * (polygon.corner[i].cast<Real>() - origin.cast<Real>());
   }
   return moved;
@@ -100,12 +108,20 @@ double half_extent(const Polygon& a, const Polygon& b) {
 }
 
 template <class Real>
+Real power_of_two(int exponent) {
+  if constexpr (std::is_same_v<Real, double>) {
+    if (std::abs(exponent) < 1000) return std::bit_cast<double>(std::uint64_t(1023 + exponent) << 52);
+  }
+  return std::ldexp(Real(1), exponent);
+}
+
+template <class Real>
 struct NormalisedPair {
   ClippedPolygon<Real> first, second;  ///< as given, from the first one's first corner, in units of 2^exponent
   Plane<Real> first_plane, second_plane;
 
   NormalisedPair(const Polygon& a, const Polygon& b, int exponent) {
-    const Real scale = std::ldexp(Real(1), -exponent);
+    const Real scale = power_of_two<Real>(-exponent);
     first = normalised(a, a.corner[0], scale);
     second = normalised(b, a.corner[0], scale);
     if (first.corners >= 3) first_plane = detail::plane_of(first);
@@ -156,32 +172,38 @@ FormFactor exchange_in_extended(const NormalisedPair<long double>& pair, double 
 
 /// The part in front of a plane as far as double precision can tell.
 struct FrontPart {
-  ClippedPolygon<double> kept;
-  bool decided = true;     ///< false: nothing lies clearly in front, and not all clearly behind
+  enum {
+    kAll,
+    kSome,
+    kNone,
+    kUndecided
+  } part;                  ///< undecided: nothing lies clearly in front, and not all clearly behind
   double misplaced = 0.0;  ///< bound on the area that rounding puts on the wrong side
 };
 
-FrontPart front_part(const ClippedPolygon<double>& polygon, double longest, const Plane<double>& plane) {
+/// @param clipped  written where a part lies behind
+FrontPart front_part(const ClippedPolygon<double>& polygon, double longest, const Plane<double>& plane,
+                     ClippedPolygon<double>& clipped) {
   constexpr double kReach = 3.5;  // no two points of a normalised pair are farther apart
   const double open = 8 * kEpsilon * (1 + kReach * (1 + plane.longest() / plane.thickness)) +
                       2 * plane.deviation * (1 + 2 * kReach / plane.thickness);
   std::array<double, 8> distance;
-  std::array<int, 8> side;
   double highest = -kReach, lowest = kReach;
-  bool all_clear = true;
   for (int i = 0; i < polygon.corners; ++i) {
     distance[i] = plane.normal.dot(polygon.corner[i] - plane.anchor);
-    side[i] = distance[i] > open ? 1 : distance[i] < -open ? -1 : 0;
-    all_clear = all_clear && side[i] != 0;
     highest = std::max(highest, distance[i]);
     lowest = std::min(lowest, distance[i]);
   }
-  if (lowest > open) return {polygon};
-  if (highest < -open) return {};
-  if (!(highest > open)) return {{}, false};
+  if (lowest > open) return {FrontPart::kAll};
+  if (highest < -open) return {FrontPart::kNone};
+  if (!(highest > open)) return {FrontPart::kUndecided};
   // Between the heights ±open lies a strip, at most this wide and as long as the polygon.
   const double width = 2 * open * longest / (highest - lowest);
-  return {detail::clip_to_front(polygon, distance, side), true, width * longest};
+  if (lowest >= -open) return {FrontPart::kAll, width * longest};
+  std::array<int, 8> side;
+  for (int i = 0; i < polygon.corners; ++i) side[i] = distance[i] > open ? 1 : distance[i] < -open ? -1 : 0;
+  clipped = detail::clip_to_front(polygon, distance, side);
+  return {clipped.corners < 3 ? FrontPart::kNone : FrontPart::kSome, width * longest};
 }
 
 /// The same in double throughout; nothing where that is not exact enough.
@@ -190,17 +212,20 @@ std::optional<FormFactor> exchange_in_double(const NormalisedPair<double>& pair,
   constexpr double kLeastThickness = 1e-5;  // over the length; the normals of thinner ones are uncertain
   for (const Plane<double>* plane : {&first_plane, &second_plane})
     if (!(plane->area > 0 && plane->thickness > kLeastThickness * plane->longest())) return {};
-  const FrontPart first = front_part(pair.first, first_plane.longest(), second_plane);
-  const FrontPart second = front_part(pair.second, second_plane.longest(), first_plane);
-  if (!first.decided || !second.decided) return {};
-  if (first.kept.corners < 3 || second.kept.corners < 3) return FormFactor{};
+  ClippedPolygon<double> first_clipped, second_clipped;
+  const FrontPart first = front_part(pair.first, first_plane.longest(), second_plane, first_clipped);
+  const FrontPart second = front_part(pair.second, second_plane.longest(), first_plane, second_clipped);
+  if (first.part == FrontPart::kUndecided || second.part == FrontPart::kUndecided) return {};
+  if (first.part == FrontPart::kNone || second.part == FrontPart::kNone) return FormFactor{};
 
   const double least_area = std::min(first_plane.area, second_plane.area);
   const double wanted = std::max(tolerance, round_off(least_area));
   // Points see no more than 1 of what is on the wrong side.
   const double misplaced = first.misplaced + second.misplaced;
   if (misplaced > 0.04 * wanted) return {};
-  const detail::ContourResult result = detail::contour_exchange_area(first.kept, second.kept, 0.45 * wanted);
+  const detail::ContourResult result =
+      detail::contour_exchange_area(first.part == FrontPart::kAll ? pair.first : first_clipped,
+                                    second.part == FrontPart::kAll ? pair.second : second_clipped, 0.45 * wanted);
   if (result.rounding > 0.5L * wanted) return {};
   const double uncertain =
       8 * kEpsilon * (first_plane.longest() / first_plane.thickness + second_plane.longest() / second_plane.thickness);
@@ -214,7 +239,8 @@ std::optional<FormFactor> exchange_in_double(const NormalisedPair<double>& pair,
 std::optional<int> common_exponent(const Polygon& a, const Polygon& b) {
   const double half = half_extent(a, b);
   if (!(half > 0)) return {};
-  return std::ilogb(half) + 1;
+  const int exponent = static_cast<int>(std::bit_cast<std::uint64_t>(half) >> 52);
+  return (exponent > 0 ? exponent - 1023 : std::ilogb(half)) + 1;
 }
 
 /// A1 F12 in units of 4^exponent, `tolerance` in the same.
@@ -259,9 +285,12 @@ FormFactor exchange_area(const Polygon& a, const Polygon& b, double tolerance) {
   if (a.corners < 3 || b.corners < 3) return {};
   const std::optional<int> exponent = common_exponent(a, b);
   if (!exponent) return {};
-  FormFactor result = normalised_exchange(a, b, *exponent, std::ldexp(tolerance, -2 * *exponent));
-  result.value = std::ldexp(result.value, 2 * *exponent);
-  result.error_estimate = std::ldexp(result.error_estimate, 2 * *exponent);
+  const auto scaled = [](double x, int by) {
+    return std::abs(by) < 900 ? x * power_of_two<double>(by) : std::ldexp(x, by);
+  };
+  FormFactor result = normalised_exchange(a, b, *exponent, scaled(tolerance, -2 * *exponent));
+  result.value = scaled(result.value, 2 * *exponent);
+  result.error_estimate = scaled(result.error_estimate, 2 * *exponent);
   return result;
 }
 

@@ -35,24 +35,24 @@ template <class Real>
 Plane<Real> plane_of(const ClippedPolygon<Real>& polygon) {
   using Vector = Eigen::Matrix<Real, 3, 1>;
   Plane<Real> plane;
-  Vector twice_area = Vector::Zero();
+  Vector twice_area = Vector::Zero(), sum = Vector::Zero();
   const Vector& origin = polygon.corner[0];
-  plane.anchor = origin;
-  for (int i = 1; i + 1 < polygon.corners; ++i) {
-    const Vector first = polygon.corner[i] - origin, second = polygon.corner[i + 1] - origin;
-    twice_area += first.cross(second);
-  }
   Real longest_square = 0;
-  for (int i = 1; i < polygon.corners; ++i) plane.anchor += (polygon.corner[i] - origin) / Real(polygon.corners);
-  for (int i = 0; i < polygon.corners; ++i)
-    for (int j = 0; j < i; ++j)
+  for (int i = 1; i < polygon.corners; ++i) {
+    const Vector side = polygon.corner[i] - origin;
+    sum += side;
+    longest_square = std::max(longest_square, side.squaredNorm());
+    if (i + 1 < polygon.corners) twice_area += side.cross(polygon.corner[i + 1] - origin);
+    for (int j = 1; j < i; ++j)
       longest_square = std::max(longest_square, (polygon.corner[i] - polygon.corner[j]).squaredNorm());
-  const Real longest = std::sqrt(longest_square), norm = twice_area.norm();
+  }
+  plane.anchor = origin + sum * (1 / Real(polygon.corners));
+  const Real norm = twice_area.norm();
   // Collinear corners leave an area of rounding errors only.
-  if (!(norm > Real(16) * std::numeric_limits<double>::epsilon() * longest * longest)) return plane;
-  plane.normal = twice_area / norm;
+  if (!(norm > Real(16) * std::numeric_limits<double>::epsilon() * longest_square)) return plane;
+  plane.normal = twice_area * (1 / norm);
   plane.area = norm / 2;
-  plane.thickness = norm / longest;
+  plane.thickness = norm / std::sqrt(longest_square);
   if (polygon.corners > 3)
     for (int i = 0; i < polygon.corners; ++i)
       plane.deviation = std::max(plane.deviation, std::abs(plane.normal.dot(polygon.corner[i] - plane.anchor)));
