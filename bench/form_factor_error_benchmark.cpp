@@ -22,6 +22,7 @@
 #include <map>
 #include <numbers>
 #include <random>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -166,29 +167,46 @@ struct Found {
   double value(std::size_t k) const { return with_estimates ? results[k].value : values[k]; }
 };
 
-/// Exchange areas of one patch with others.
-using Method = std::function<void(const Family&, const Pairs&, Found&)>;
+/// Exchange areas of lists of pairs: as many at a time as the assembly of a transport operator has.
+using Method = std::function<void(const Family&, std::span<const Pairs>, std::span<Found>)>;
+constexpr std::size_t kLists = 16;
+
+void do_all(const Family& family, std::size_t gap, const Method& method, std::span<Found> found) {
+  const std::span<const Pairs> pairs = family.pairs[gap];
+  for (std::size_t start = 0; start < pairs.size(); start += kLists) {
+    const std::size_t count = std::min(kLists, pairs.size() - start);
+    method(family, pairs.subspan(start, count), found.subspan(start, count));
+  }
+}
+
+/// The same list by list.
+Method each(std::function<void(const Family&, const Pairs&, Found&)> one) {
+  return [one = std::move(one)](const Family& family, std::span<const Pairs> lists, std::span<Found> found) {
+    for (std::size_t k = 0; k < lists.size(); ++k) one(family, lists[k], found[k]);
+  };
+}
 
 void measure(benchmark::State& state, const Family& family, std::size_t gap, const Method& method) {
-  Found found;
+  std::vector<Found> found(family.pairs[gap].size());
+  do_all(family, gap, method, found);
   double squares = 0.0;
   double worst = 0.0;
-  for (const Pairs& p : family.pairs[gap]) {
-    method(family, p, found);
+  for (std::size_t list = 0; list < found.size(); ++list) {
+    const Pairs& p = family.pairs[gap][list];
     for (std::size_t k = 0; k < p.others.size(); ++k) {
       const double least_area = family.least_area(p.one, p.others[k]);
-      const double error = std::abs(found.value(k) - p.exact[k]) / least_area;
+      const double error = std::abs(found[list].value(k) - p.exact[k]) / least_area;
       if (!std::isfinite(error)) return state.SkipWithError("a value is not finite");
-      if (found.with_estimates && error > found.results[k].error_estimate / least_area + 1e-15)
+      if (found[list].with_estimates && error > found[list].results[k].error_estimate / least_area + 1e-15)
         return state.SkipWithError("an error is above its estimate");
       squares += error * error;
       worst = std::max(worst, error);
     }
   }
   for (auto _ : state) {
-    for (const Pairs& p : family.pairs[gap]) method(family, p, found);
-    benchmark::DoNotOptimize(found.values.data());
-    benchmark::DoNotOptimize(found.results.data());
+    do_all(family, gap, method, found);
+    benchmark::DoNotOptimize(found.data());
+    benchmark::ClobberMemory();
   }
   const auto count = static_cast<double>(family.count(gap));
   state.counters["rms_error"] = std::sqrt(squares / count);
@@ -198,31 +216,35 @@ void measure(benchmark::State& state, const Family& family, std::size_t gap, con
 }
 
 Method automatic(double tolerance) {
-  return [tolerance](const Family& family, const Pairs& p, Found& found) {
-    found.with_estimates = true;
-    family.batch.exchange_areas(p.one, p.others, tolerance, {found.results.data(), p.others.size()});
+  return [tolerance](const Family& family, std::span<const Pairs> lists, std::span<Found> found) {
+    std::array<FormFactorBatch::Row, kLists> rows;
+    for (std::size_t k = 0; k < lists.size(); ++k) {
+      found[k].with_estimates = true;
+      rows[k] = {lists[k].one, lists[k].others, {found[k].results.data(), lists[k].others.size()}};
+    }
+    family.batch.exchange_areas({rows.data(), lists.size()}, tolerance);
   };
 }
 
 Method fixed_rule(FixedRule rule) {
-  return [rule](const Family& family, const Pairs& p, Found& found) {
+  return each([rule](const Family& family, const Pairs& p, Found& found) {
     family.batch.exchange_areas_by_rule(p.one, p.others, rule, {found.values.data(), p.others.size()});
-  };
+  });
 }
 
 Method contour(double tolerance) {
-  return [tolerance](const Family& family, const Pairs& p, Found& found) {
+  return each([tolerance](const Family& family, const Pairs& p, Found& found) {
     found.with_estimates = true;
     for (std::size_t k = 0; k < p.others.size(); ++k) {
       found.results[k] = exchange_area(family.patches[p.one], family.patches[p.others[k]],
                                        tolerance * family.least_area(p.one, p.others[k]));
     }
-  };
+  });
 }
 
 /// cosθ cosθ' / (π r²) at random pairs of points: what a ray caster does where nothing is in the way.
 Method random_lines(int lines) {
-  return [lines](const Family& family, const Pairs& p, Found& found) {
+  return each([lines](const Family& family, const Pairs& p, Found& found) {
     std::mt19937_64 random(p.one);
     std::uniform_real_distribution<double> unit(0.0, 1.0);
     const auto at = [&](const Polygon& q) -> Vector3d {  // a quad is cut along its diagonal
@@ -247,7 +269,7 @@ Method random_lines(int lines) {
       }
       found.values[k] = sum / lines / std::numbers::pi * family.batch.area(p.one) * family.batch.area(p.others[k]);
     }
-  };
+  });
 }
 
 /// What one method does to the pairs of one set.

@@ -12,7 +12,8 @@ constexpr int kMaxOrder = 6;        ///< points per direction of the largest pro
 constexpr int kMaxEdgePoints = 24;  ///< points of the largest rule on edges
 constexpr int kErrors = 4;          ///< orders of which an edge rule's error is known
 constexpr int kProductErrors = 8;   ///< of a product rule; odd ones too
-constexpr int kBlock = 256;         ///< pairs classified at a time
+constexpr int kBlock = 256;         ///< pairs settled at a time
+constexpr int kMostOpen = 512;      ///< pairs that are sorted by their rules at a time
 
 /// A polygon as the kernels want it: x(u, v) = origin + u e1 + v e2 + uv e3 over the unit square; a triangle is
 /// collapsed at u = 0. Doubles only: kernels load runs of members of several records at once. A cache line each for the
@@ -22,26 +23,33 @@ struct alignas(64) PatchRecord {
   double area;
   double spread;  ///< bits of three numbers that decide on most pairs that stand apart: Spread (batch_shapes.h)
 
-  double half_edge;      ///< longest
-  double middle_radius;  ///< farthest middle of an edge from the centre
+  double half_edge;  ///< the longest
   double perimeter;
-  double sides;           ///< |e1| |e2| sqrt(1 + |cosine of their angle|)
-  double second, fourth;  ///< mean |x - centre|², ⁴
-  double ball;            ///< `radius`; without end if the plane is too uncertain for what is asked of the first line
-  double skew;            ///< what a quad taken for a parallelogram may change of its area; -1 for all other patches
-
-  double e1[3], e2[3];
-  double deviation, lever;  ///< distance within which a point at distance r counts as on the plane: deviation + lever r
-
-  double origin[3], e3[3];
+  double sides;   ///< |e1| |e2| sqrt(1 + |cosine of their angle|)
+  double skew;    ///< what a quad taken for a parallelogram may change of its area; -1 for all other patches
   double radius;  ///< farthest corner from the centre
-  double third;   ///< bound on mean |x - centre|³; 0 where odd moments vanish by symmetry
-  double inverse_half_edge;
-  double triangle;                ///< 1 for a triangle's nodes, 0 for a quad's
-  double moment1[3], moment2[3];  ///< p, q with mean (x - centre)(x - centre)ᵀ = p pᵀ + q qᵀ
   double density[3];  ///< |∂x/∂u × ∂x/∂v| / area = density[0] + density[1] u + density[2] v; (1, 0, 0) for a triangle's
                       ///< own weights
-  double padding[5];  ///< vectors are loaded whole
+
+  double e1[3], e2[3];      ///< e2 of a triangle is 0
+  double deviation, lever;  ///< distance within which a point at distance r counts as on the plane: deviation + lever r
+
+  // A product rule runs along straight lines, of constant v and of constant u.
+  double half_line_u, half_line_v;  ///< at least the half of the longest
+  double variance;      ///< at least the mean squared distance along any direction from the centre, of the patch and of
+                        ///< the middles of either family of lines
+  double offset;        ///< at least the distance from the centre to the mean of those middles
+  double density_skew;  ///< largest rise of the density from the middle of a line to its end, over the middle's; 0 of a
+                        ///< triangle, whose rules have it in their weights
+  double third;         ///< bound on mean |x - centre|³; 0 where odd moments vanish by symmetry
+  double fourth;        ///< mean |x - centre|⁴
+  double second;        ///< mean |x - centre|²
+
+  double origin[3], e3[3];
+  double unused[2];
+
+  double moment1[3], moment2[3];  ///< p, q with mean (x - centre)(x - centre)ᵀ = p pᵀ + q qᵀ
+  double padding[2];              ///< vectors are loaded whole
 };
 
 /// The same bytes as FormFactor, whose header the kernels' sources may not include.
@@ -73,7 +81,6 @@ enum Choice : std::int32_t {
   kNothing,    ///< the value is 0
   kUnsettled,  ///< `classify` is to be asked
   kContour,
-  kCentres,
   kRound,  ///< the centres with moments taken for alike in all directions of the plane
   kMoments,
   kCut,
@@ -85,26 +92,31 @@ enum Choice : std::int32_t {
 /// Distance from a plane, in normalised coordinates, that the first line's balls are enlarged by.
 constexpr double kOpen = 1e-9;
 
-/// Pairs that `settle` has left: their places in the list, choices (or kUnsettled) and bounds.
+/// Pairs that `settle` has left: their places in its list, choices (or kUnsettled) and bounds; of several lists, one
+/// after the other.
 struct OpenPairs {
   int count;
-  std::int32_t place[kBlock], choice[kBlock];
-  double bound[kBlock];
+  std::int32_t place[kMostOpen], choice[kMostOpen];
+  double bound[kMostOpen];
 };
 
 struct Kernels {
   const char* name;
   /// Exchange areas of one patch with others, times `square_unit`, where the first lines of the records tell that
   /// nothing is exchanged or that the centres with moments meet `tolerance`, or points on edges, the same for a whole
-  /// vector. The others are handed back.
+  /// vector. The others are added to `open`.
   /// @param count  at most kBlock
   /// @param edge_rules  by half of their points
   void (*settle)(const PatchRecord* records, std::uint32_t one, const std::uint32_t* others, int count,
                  double tolerance, double square_unit, const EdgeRule* edge_rules, Result* results, OpenPairs& open);
   /// For each pair of parallelograms the cheapest choice whose error bound meets `tolerance`, and the bound, an
-  /// absolute exchange area; kUnsettled where that takes a closer look, and for other patches.
+  /// absolute exchange area; kUnsettled where that takes a closer look.
   void (*choose)(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
                  const EdgeRule* edge_rules, std::int32_t* choice, double* bound);
+  /// The same of any patches, of the rules that take no points on edges.
+  /// @param product_rules  by their points per direction
+  void (*choose_products)(const PatchRecord* const* first, const PatchRecord* const* second, int count,
+                          double tolerance, const ProductRule* product_rules, std::int32_t* choice, double* bound);
   /// Choice and bound of any pair, never kUnsettled.
   /// @param product_rules  by their points per direction
   void (*classify)(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,

@@ -11,16 +11,16 @@ namespace {
 
 struct Patch {
   Vector origin, e1, e2, e3, normal, centre, density;
-  Real area, triangle;
+  Real area;
+  Mask triangle;
   explicit Patch(const Lanes& lanes) {
     const Centre line(lanes);
     centre = line.centre, normal = line.normal, area = line.area;
     const Shape shape(lanes);
     origin = shape.origin, e1 = shape.e1, e2 = shape.e2, e3 = shape.e3;
-    Real kind[1], of_density[3];
-    lanes.load(offsetof(PatchRecord, triangle), kind);
+    Real of_density[3];
     lanes.load(offsetof(PatchRecord, density), of_density);
-    triangle = kind[0];
+    triangle = dot(e2, e2) <= 0;
     density = {of_density[0], of_density[1], of_density[2]};
   }
 };
@@ -60,12 +60,12 @@ struct Nodes {
 
   Nodes(const Patch& patch, const Patch& other, const ProductRule& rule) {
     const Height height(patch, other);
-    const Real triangle = patch.triangle;
+    const Mask triangle = patch.triangle;
     const Vector density = patch.density;
     for (int i = 0; i < kPoints * kPoints; ++i) {
-      const Real u = triangle > 0 ? splat(rule.u[1][i]) : splat(rule.u[0][i]);
-      const Real v = triangle > 0 ? splat(rule.v[1][i]) : splat(rule.v[0][i]);
-      const Real weight = triangle > 0 ? splat(rule.weight[1][i]) : splat(rule.weight[0][i]);
+      const Real u = triangle ? splat(rule.u[1][i]) : splat(rule.u[0][i]);
+      const Real v = triangle ? splat(rule.v[1][i]) : splat(rule.v[0][i]);
+      const Real weight = triangle ? splat(rule.weight[1][i]) : splat(rule.weight[0][i]);
       const Real uv = u * v;
       point[i] = patch.origin + u * patch.e1 + v * patch.e2 + uv * patch.e3;
       const Real above = height.at_origin + u * height.along_u + v * height.along_v + uv * height.along_uv;
@@ -130,22 +130,27 @@ void edges_of_any(const PatchRecord* const* first, const PatchRecord* const* sec
     const Outline a{Shape(first_lanes)}, b{Shape(second_lanes)};
     const Vector origins = a.origin - b.origin;
     // Σ e·f = 0, so that any unit of length will do: one that keeps the logarithms small.
-    const Real unit = square_of(square_of(dot(origins, origins)));
+    const Real unit = square_of(square_of(dot(origins, origins))), both_units = unit * unit;
     Real sum = splat(0);
     for (int i = 0; i < 4; ++i)
       for (int j = 0; j < 4; ++j) {
         const Real a_b = dot(a.half[i], b.half[j]);
         if (!any(a_b != splat(0))) continue;
-        EdgePair pair(origins + (a.middle[i] - b.middle[j]), a.half[i], b.half[j]);
+        const EdgePair pair(origins + (a.middle[i] - b.middle[j]), a.half[i], b.half[j]);
         const Real a_squared = dot(a.half[i], a.half[i]), b_squared = dot(b.half[j], b.half[j]);
+        EdgePair::Points at[kMaxEdgePoints / 2];
         Real of_pair = splat(0);
         for (int p = 0; p < rule.half; ++p) {
           const double s = rule.node[p];
-          pair.set(s, (s * s) * a_squared, (2 * s) * a_b);
+          at[p] = pair.at(s, (s * s) * a_squared, (2 * s) * a_b);
+          of_pair += (rule.weight[p] * rule.weight[p]) * log_ratio(product(at[p], s, (s * s) * b_squared), unit);
+          // (p, q) and (q, p) weigh the same.
           Real inner = splat(0);
-          for (int q = 0; q < rule.half; ++q) {
+          for (int q = 0; q < p; ++q) {
             const double t = rule.node[q];
-            inner += rule.weight[q] * log_ratio(pair.product(t, (t * t) * b_squared), unit);
+            inner +=
+                rule.weight[q] *
+                log_ratio(product(at[p], t, (t * t) * b_squared) * product(at[q], s, (s * s) * b_squared), both_units);
           }
           of_pair += rule.weight[p] * inner;
         }
@@ -169,7 +174,8 @@ void edges(const PatchRecord* const* first, const PatchRecord* const* second, in
 }  // namespace
 
 const Kernels& INTERGLOW_KERNELS() {
-  static constexpr Kernels kTable{INTERGLOW_KERNEL_NAME, settle, choose, classify, centres, product, edges};
+  static constexpr Kernels kTable{
+      INTERGLOW_KERNEL_NAME, settle, choose, choose_products, classify, centres, product, edges};
   return kTable;
 }
 

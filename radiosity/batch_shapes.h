@@ -41,15 +41,15 @@ struct Centre {
 
 /// The second line.
 struct Sizes {
-  Real half_edge, middle_radius, perimeter, sides, second, fourth, ball, skew;
+  Real half_edge, perimeter, sides, skew, radius;
   Mask parallelogram;
   explicit Sizes(const Lanes& lanes) {
-    Real field[8];
+    Real field[5];
     lanes.load(offsetof(PatchRecord, half_edge), field);
-    half_edge = field[0], middle_radius = field[1], perimeter = field[2], sides = field[3];
-    second = field[4], fourth = field[5], ball = field[6];
-    parallelogram = field[7] >= 0;
-    skew = max(field[7], splat(0));
+    half_edge = field[0], perimeter = field[1], sides = field[2];
+    parallelogram = field[3] >= 0;
+    skew = max(field[3], splat(0));
+    radius = field[4];
   }
 };
 
@@ -127,32 +127,30 @@ struct CentreLine {
   }
 };
 
+/// The fourth: moments, and the lines that product rules run along.
+struct Lines {
+  Real half_u, half_v, variance, offset, density_skew, third, fourth, second;
+  explicit Lines(const Lanes& lanes) {
+    Real field[8];
+    lanes.load(offsetof(PatchRecord, half_line_u), field);
+    half_u = field[0], half_v = field[1], variance = field[2], offset = field[3], density_skew = field[4];
+    third = field[5], fourth = field[6], second = field[7];
+  }
+};
+
+/// The third and the fifth.
 struct Shape {
-  Real radius, deviation, lever, third, inverse_half_edge;
+  Real deviation, lever;
   Vector origin, e1, e2, e3;
   explicit Shape(const Lanes& lanes) {
     const Sides sides(lanes);
     e1 = sides.e1, e2 = sides.e2, deviation = sides.deviation, lever = sides.lever;
-    Real field[8], last[1];
+    Real field[6];
     lanes.load(offsetof(PatchRecord, origin), field);
-    lanes.load(offsetof(PatchRecord, inverse_half_edge), last);
     origin = {field[0], field[1], field[2]};
     e3 = {field[3], field[4], field[5]};
-    radius = field[6], third = field[7];
-    inverse_half_edge = last[0];
   }
 };
-
-/// Largest rise of a quad's density from the middle of a straight line to its end, over the middle's; 0 of a triangle
-/// or a parallelogram.
-inline Real density_skew(const Lanes& lanes) {
-  Real density[3];
-  lanes.load(offsetof(PatchRecord, density), density);
-  const Real along_u = 0.5 * magnitude(density[1]), along_v = 0.5 * magnitude(density[2]);
-  const Real middle = density[0] + 0.5 * (density[1] + density[2]), most = max(along_u, along_v);
-  const Real least = middle - most;  // of the middles of lines: the other parameter at either end
-  return least > 0 ? most / least : splat(1e100);
-}
 
 /// Half edges and their middles seen from the origin; a triangle's fourth edge has no length.
 struct Outline {

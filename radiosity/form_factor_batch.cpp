@@ -141,19 +141,49 @@ void store(double (&to)[3], const Vector3d& from) {
 
 Vector3d load(const double (&from)[3]) { return {from[0], from[1], from[2]}; }
 
+/// Where a mean is taken: over the patch, or over the middles of the straight lines of constant v or u.
+enum class MeanOver { kPatch, kMiddlesAlongU, kMiddlesAlongV };
+
 /// Σ weight f(x - centre) over the 6 x 6 rule: exact for polynomials of degree 10.
 template <class Function>
-double mean_of(const PatchRecord& record, Function f) {
+auto mean_of(const PatchRecord& record, MeanOver where, Function f) {
   const ProductRule& rule = product_rules()[kMaxOrder];
-  const int shape = record.triangle > 0 ? 1 : 0;
-  double sum = 0;
+  const int shape = load(record.e2).isZero(0) ? 1 : 0;  // a triangle's
+  decltype(f(Vector3d())) sum = 0 * f(Vector3d(Vector3d::Zero()));
   for (int i = 0; i < kMaxOrder * kMaxOrder; ++i) {
-    const double u = rule.u[shape][i], v = rule.v[shape][i];
+    const double u = where == MeanOver::kMiddlesAlongU ? 0.5 : rule.u[shape][i],
+                 v = where == MeanOver::kMiddlesAlongV ? 0.5 : rule.v[shape][i];
     const Vector3d x = load(record.origin) + u * load(record.e1) + v * load(record.e2) + u * v * load(record.e3);
     const double density = record.density[0] + u * record.density[1] + v * record.density[2];
     sum += rule.weight[shape][i] * density * f(x - load(record.centre));
   }
   return sum;
+}
+
+template <class Function>
+double mean_of(const PatchRecord& record, Function f) {
+  return mean_of(record, MeanOver::kPatch, f);
+}
+
+/// The lines that product rules run along.
+void set_lines(PatchRecord& record) {
+  const Vector3d e1 = load(record.e1), e2 = load(record.e2), e3 = load(record.e3);
+  record.half_line_u = std::max(e1.norm(), (e1 + e3).norm()) / 2;
+  record.half_line_v = std::max(e2.norm(), (e2 + e3).norm()) / 2;
+  const double along_u = std::abs(record.density[1]) / 2, along_v = std::abs(record.density[2]) / 2,
+               most = std::max(along_u, along_v);
+  // Of the middles of lines: the other parameter at either end.
+  const double least = record.density[0] + (record.density[1] + record.density[2]) / 2 - most;
+  record.density_skew = least > 0 ? most / least : 1e100;
+  for (const MeanOver where : {MeanOver::kPatch, MeanOver::kMiddlesAlongU, MeanOver::kMiddlesAlongV}) {
+    const Eigen::Matrix3d moments =
+        mean_of(record, where, [](const Vector3d& x) -> Eigen::Matrix3d { return x * x.transpose(); });
+    // The larger eigenvalue of a matrix of rank 2.
+    const double trace = moments.trace(), difference = std::max(0.0, 2 * moments.squaredNorm() - trace * trace);
+    record.variance = std::max(record.variance, (trace + std::sqrt(difference)) / 2 * (1 + 1e-12));
+    record.offset =
+        std::max(record.offset, mean_of(record, where, [](const Vector3d& x) -> Vector3d { return x; }).norm());
+  }
 }
 
 /// Absolute and directed moments about the centre. Returns the difference of the principal ones.
@@ -189,16 +219,19 @@ std::uint64_t rounded_up(double x, int bits) {
 }
 
 /// What `batch::Spread` unpacks.
-double pack_spread(const PatchRecord& record, double difference) {
+/// @param ball  `radius`; without end if the plane is too uncertain for what is asked of the first line
+double pack_spread(const PatchRecord& record, double difference, double ball) {
   const bool symmetric = record.third <= 0;
-  const double ball_square =
-      std::min(record.ball + 2 * batch::kOpen, 1e100) * std::min(record.ball + 2 * batch::kOpen, 1e100);
+  const double enlarged = std::min(ball + 2 * batch::kOpen, 1e100), ball_square = enlarged * enlarged;
   const std::uint64_t second = std::bit_cast<std::uint64_t>(record.second) >> 32;
   double beyond = difference + record.second * 1.01e-6;  // 20 bits
   if (!symmetric) beyond += record.third * record.third / (15 * ball_square * record.second);
   const std::uint64_t low = rounded_up(beyond, 15) << 1 | (symmetric ? 0 : 1);
   return std::bit_cast<double>(second << 32 | rounded_up(ball_square, 16) << 16 | low);
 }
+
+/// From the line of the record that is read anyhow.
+bool is_symmetric(const PatchRecord& record) { return (std::bit_cast<std::uint64_t>(record.spread) & 1) == 0; }
 
 PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double unit) {
   PatchRecord record{};
@@ -223,7 +256,6 @@ PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double
   store(record.e3, e3);
   store(record.normal, plane.normal);
   record.area = plane.area;
-  record.triangle = triangle ? 1 : 0;
   record.density[0] = 1;
   double longest = 0;
   for (int i = 0; i < scaled.corners; ++i) longest = std::max(longest, (c[i] - c[0]).norm());
@@ -243,21 +275,18 @@ PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double
   for (int i = 0; i < scaled.corners; ++i) {
     const double edge = (c[i + 1 == scaled.corners ? 0 : i + 1] - c[i]).norm();
     record.perimeter += edge;
-    const Vector3d middle = (c[i] + c[i + 1 == scaled.corners ? 0 : i + 1]) / 2;
-    record.middle_radius = std::max(record.middle_radius, (middle - load(record.centre)).norm());
     longest_edge = std::max(longest_edge, edge);
   }
   record.half_edge = longest_edge / 2;
-  record.inverse_half_edge = 2 / longest_edge;
   record.skew = parallelogram ? e3.norm() * longest_edge : -1;
   const double turn = set_moments(record);
+  set_lines(record);
   record.sides = std::sqrt(e1.norm() * e2.norm() * (e1.norm() * e2.norm() + std::abs(e1.dot(e2))));
   record.deviation = 2 * plane.deviation;
   record.lever = (4 * plane.deviation + 16 * std::numeric_limits<double>::epsilon() * longest) / plane.thickness;
   const double reach = 8;  // farther than two points in normalised coordinates are apart
-  record.ball =
-      record.deviation + record.lever * reach < batch::kOpen ? record.radius : std::numeric_limits<double>::max() / 4;
-  record.spread = pack_spread(record, turn);
+  const bool certain = record.deviation + record.lever * reach < batch::kOpen;
+  record.spread = pack_spread(record, turn, certain ? record.radius : std::numeric_limits<double>::max() / 4);
   return record;
 }
 
@@ -308,115 +337,154 @@ static_assert(static_cast<int>(FormFactorMethod::kZero) == batch::kZeroMethod &&
               static_cast<int>(FormFactorMethod::kFarQuadrature) == batch::kFarMethod &&
               static_cast<int>(FormFactorMethod::kEdgeQuadrature) == batch::kEdgeMethod);
 
-void FormFactorBatch::exchange_areas(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance,
-                                     std::span<FormFactor> results) const {
-  const double square_unit = unit_ * unit_;
-  batch::OpenPairs open;
-  for (std::size_t start = 0; start < others.size(); start += batch::kBlock) {
-    const std::span<const std::uint32_t> block =
-        others.subspan(start, std::min<std::size_t>(batch::kBlock, others.size() - start));
-    FormFactor* const found = results.data() + start;
-    kernels_->settle(records_.data(), one, block.data(), static_cast<int>(block.size()), tolerance, square_unit,
-                     edge_rules().data(), reinterpret_cast<batch::Result*>(found), open);
-    if (open.count > 0) finish(one, block, tolerance, open, found);
+/// Collects what `settle` has left of several rows and does it rule by rule, in full vectors.
+class FormFactorBatch::Sorter {
+ public:
+  Sorter(const FormFactorBatch& batch, double tolerance)
+      : batch_(batch), kernels_(*batch.kernels_), tolerance_(tolerance), square_unit_(batch.unit_ * batch.unit_) {
+    open_.count = 0;
   }
-}
 
-void FormFactorBatch::finish(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance,
-                             batch::OpenPairs& open, FormFactor* found) const {
-  using batch::kBlock;
-  std::array<const PatchRecord*, kBlock> first, second, packed_first, packed_second;
-  std::array<std::int32_t, kBlock> choice;
-  std::array<int, kBlock> member;
-  std::array<double, kBlock> packed;
-  const double square_unit = unit_ * unit_;
-  // The lower index comes first, whichever way the pair is asked for: the same bits for (i, j) and (j, i).
-  for (int i = 0; i < open.count; ++i) {
-    const std::uint32_t other = others[open.place[i]];
-    first[i] = &records_[std::min(one, other)];
-    second[i] = &records_[std::max(one, other)];
-  }
-  const auto pack = [&](int members) {
-    for (int i = 0; i < members; ++i) {
-      packed_first[i] = first[member[i]];
-      packed_second[i] = second[member[i]];
+  /// @param others  at most kBlock
+  void add(std::uint32_t one, std::span<const std::uint32_t> others, FormFactor* found) {
+    if (open_.count + static_cast<int>(others.size()) > batch::kMostOpen) finish();
+    int added = open_.count;
+    kernels_.settle(batch_.records_.data(), one, others.data(), static_cast<int>(others.size()), tolerance_,
+                    square_unit_, edge_rules().data(), reinterpret_cast<batch::Result*>(found), open_);
+    // The lower index comes first, whichever way the pair is asked for: the same bits for (i, j) and (j, i).
+    for (; added < open_.count; ++added) {
+      const std::uint32_t other = others[open_.place[added]];
+      first_[added] = &batch_.records_[std::min(one, other)];
+      second_[added] = &batch_.records_[std::max(one, other)];
+      found_[added] = found + open_.place[added];
     }
-  };
-  const auto unsettled = [&] {
-    int members = 0;
-    for (int i = 0; i < open.count; ++i) {
+  }
+
+  void finish() {
+    if (open_.count == 0) return;
+    choose();
+    // One choice after the other, sorted by counting: all pairs of a vector take the same rule.
+    std::array<int, batch::kChoices + 1> end{};
+    for (int i = 0; i < open_.count; ++i) ++end[open_.choice[i] + 1];
+    for (int choice = 1; choice <= batch::kChoices; ++choice) end[choice] += end[choice - 1];
+    std::array<int, batch::kMostOpen> sorted;
+    for (int i = 0; i < open_.count; ++i) sorted[end[open_.choice[i]]++] = i;
+    for (int begin = 0; begin < open_.count;) {
+      const int choice = open_.choice[sorted[begin]];
+      compute(choice, {sorted.data() + begin, static_cast<std::size_t>(end[choice] - begin)});
+      begin = end[choice];
+    }
+    open_.count = 0;
+  }
+
+ private:
+  using Records = const PatchRecord* const*;
+  static constexpr int kMost = batch::kMostOpen;
+
+  void choose() {
+    const auto parallelograms = [this](int i) { return is_symmetric(*first_[i]) && is_symmetric(*second_[i]); };
+    const EdgeRule* of_edges = edge_rules().data();
+    const ProductRule* products = product_rules().data();
+    ask(parallelograms, [&](Records first, Records second, int count, std::int32_t* choice, double* bound) {
+      kernels_.choose(first, second, count, tolerance_, of_edges, choice, bound);
+    });
+    ask([&](int i) { return !parallelograms(i); },
+        [&](Records first, Records second, int count, std::int32_t* choice, double* bound) {
+          kernels_.choose_products(first, second, count, tolerance_, products, choice, bound);
+        });
+    ask([](int) { return true; },
+        [&](Records first, Records second, int count, std::int32_t* choice, double* bound) {
+          kernels_.classify(first, second, count, tolerance_, of_edges, products, choice, bound);
+        });
+  }
+
+  /// Those of the unsettled pairs that `whether` holds of are asked about.
+  template <class Whether, class Chooser>
+  void ask(Whether whether, Chooser chooser) {
+    std::array<int, kMost> member;
+    std::size_t members = 0;
+    for (int i = 0; i < open_.count; ++i) {
       member[members] = i;
-      members += open.choice[i] == batch::kUnsettled ? 1 : 0;
+      members += open_.choice[i] == batch::kUnsettled && whether(i) ? 1 : 0;
     }
-    return members;
-  };
-  const auto take = [&](int members) {
-    for (int i = 0; i < members; ++i) {
-      open.choice[member[i]] = choice[i];
-      open.bound[member[i]] = packed[i];
+    const int count = static_cast<int>(members);
+    if (count == 0) return;
+    if (count == open_.count) return chooser(first_.data(), second_.data(), count, open_.choice, open_.bound);
+    pack({member.data(), members});
+    std::array<std::int32_t, kMost> choice;
+    chooser(packed_first_.data(), packed_second_.data(), count, choice.data(), values_.data());
+    for (int i = 0; i < count; ++i) {
+      open_.choice[member[i]] = choice[i];
+      open_.bound[member[i]] = values_[i];
     }
-  };
-  if (const int left = unsettled(); left == open.count) {
-    kernels_->choose(first.data(), second.data(), left, tolerance, edge_rules().data(), open.choice, open.bound);
-  } else if (left > 0) {
-    pack(left);
-    kernels_->choose(packed_first.data(), packed_second.data(), left, tolerance, edge_rules().data(), choice.data(),
-                     packed.data());
-    take(left);
   }
-  if (const int left = unsettled(); left > 0) {
-    pack(left);
-    kernels_->classify(packed_first.data(), packed_second.data(), left, tolerance, edge_rules().data(),
-                       product_rules().data(), choice.data(), packed.data());
-    take(left);
+
+  void pack(std::span<const int> members) {
+    for (std::size_t i = 0; i < members.size(); ++i) {
+      packed_first_[i] = first_[members[i]];
+      packed_second_[i] = second_[members[i]];
+    }
   }
-  // One choice after the other: all pairs of a vector take the same rule.
-  static_assert(batch::kChoices <= 64);
-  std::uint64_t present = 0;
-  for (int i = 0; i < open.count; ++i) present |= std::uint64_t{1} << open.choice[i];
-  for (; present != 0; present &= present - 1) {
-    const int chosen = std::countr_zero(present);
-    int members = 0;
-    for (int i = 0; i < open.count; ++i) {
-      member[members] = i;
-      members += open.choice[i] == chosen ? 1 : 0;
+
+  /// The pairs of one choice.
+  void compute(int choice, std::span<const int> members) {
+    if (choice == batch::kNothing) {
+      for (const int i : members) *found_[i] = {};
+      return;
     }
-    if (chosen == batch::kNothing) {
-      for (int i = 0; i < members; ++i) found[open.place[member[i]]] = {};
-      continue;
-    }
-    if (chosen == batch::kContour) {
-      for (int i = 0; i < members; ++i) {
-        const std::uint32_t other = others[open.place[member[i]]];
-        const double wanted = tolerance * std::min(first[member[i]]->area, second[member[i]]->area) * square_unit;
-        found[open.place[member[i]]] =
-            exchange_area(polygons_[std::min(one, other)], polygons_[std::max(one, other)], wanted);
+    if (choice == batch::kContour) {
+      for (const int i : members) {
+        const auto index = [this](const PatchRecord* record) { return record - batch_.records_.data(); };
+        const double wanted = tolerance_ * std::min(first_[i]->area, second_[i]->area) * square_unit_;
+        *found_[i] = exchange_area(batch_.polygons_[index(first_[i])], batch_.polygons_[index(second_[i])], wanted);
       }
-      continue;
+      return;
     }
-    const bool all = members == open.count;
-    if (!all) pack(members);
-    const PatchRecord* const* one_side = all ? first.data() : packed_first.data();
-    const PatchRecord* const* other_side = all ? second.data() : packed_second.data();
+    pack(members);
+    const Records first = packed_first_.data(), second = packed_second_.data();
+    const int count = static_cast<int>(members.size());
     FormFactorMethod method = FormFactorMethod::kFarQuadrature;
-    if (chosen == batch::kCentres || chosen == batch::kRound || chosen == batch::kMoments) {
-      const int moments = 1 + chosen - batch::kCentres;
-      kernels_->centres(one_side, other_side, members, moments, packed.data());
-    } else if (chosen == batch::kCut) {
-      kernels_->product(one_side, other_side, members, product_rules()[2], packed.data());
-    } else if (chosen < batch::kEdges) {
-      kernels_->product(one_side, other_side, members, product_rules()[chosen - batch::kProduct], packed.data());
+    if (choice == batch::kRound || choice == batch::kMoments) {
+      kernels_.centres(first, second, count, choice == batch::kRound ? 2 : 3, values_.data());
+    } else if (choice == batch::kCut) {
+      kernels_.product(first, second, count, product_rules()[2], values_.data());
+    } else if (choice < batch::kEdges) {
+      kernels_.product(first, second, count, product_rules()[choice - batch::kProduct], values_.data());
     } else {
-      const int points = chosen - batch::kEdges;
-      kernels_->edges(one_side, other_side, members, edge_rules()[points / 2], points % 2 == 0, packed.data());
+      const int points = choice - batch::kEdges;
+      kernels_.edges(first, second, count, edge_rules()[points / 2], points % 2 == 0, values_.data());
       method = FormFactorMethod::kEdgeQuadrature;
     }
-    for (int i = 0; i < members; ++i) {
-      const int k = member[i];
-      const double value = std::clamp(packed[i], 0.0, std::min(first[k]->area, second[k]->area));
-      found[open.place[k]] = {value * square_unit, open.bound[k] * square_unit, method};
+    for (int k = 0; k < count; ++k) {
+      const int i = members[k];
+      const double value = std::clamp(values_[k], 0.0, std::min(first_[i]->area, second_[i]->area));
+      *found_[i] = {value * square_unit_, open_.bound[i] * square_unit_, method};
     }
   }
+
+  const FormFactorBatch& batch_;
+  const batch::Kernels& kernels_;
+  double tolerance_, square_unit_;
+  batch::OpenPairs open_;
+  std::array<const PatchRecord*, kMost> first_, second_, packed_first_, packed_second_;
+  std::array<FormFactor*, kMost> found_;
+  std::array<double, kMost> values_;
+};
+
+void FormFactorBatch::exchange_areas(std::span<const Row> rows, double tolerance) const {
+  Sorter sorter(*this, tolerance);
+  for (const Row& row : rows)
+    for (std::size_t start = 0; start < row.others.size(); start += batch::kBlock) {
+      const std::size_t count = std::min<std::size_t>(batch::kBlock, row.others.size() - start);
+      sorter.add(row.one, row.others.subspan(start, count), row.results.data() + start);
+    }
+  sorter.finish();
+}
+
+void FormFactorBatch::exchange_areas(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance,
+                                     std::span<FormFactor> results) const {
+  const Row row{one, others, results};
+  exchange_areas({&row, 1}, tolerance);
 }
 
 void FormFactorBatch::exchange_areas_by_rule(std::uint32_t one, std::span<const std::uint32_t> others, FixedRule rule,

@@ -14,7 +14,6 @@ namespace interglow::radiosity {
 
 namespace batch {
 struct PatchRecord;
-struct OpenPairs;
 struct Kernels;
 }  // namespace batch
 
@@ -60,6 +59,15 @@ class FormFactorBatch {
   void exchange_areas(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance,
                       std::span<FormFactor> results) const;
 
+  /// The same for many patches, each with others of its own. Pairs are sorted by their rules: faster than one after the
+  /// other where lists are short.
+  struct Row {
+    std::uint32_t one;
+    std::span<const std::uint32_t> others;
+    std::span<FormFactor> results;  ///< of the same length
+  };
+  void exchange_areas(std::span<const Row> rows, double tolerance) const;
+
   /// A_one F_one,other by one rule alone, whatever its error: what the choice of rules is measured against.
   /// @pre the patches face each other wholly
   /// @throws InvalidParams for a number of points that the family does not have
@@ -70,10 +78,7 @@ class FormFactorBatch {
   const char* instruction_set() const;
 
  private:
-  /// What the first pass over a block of pairs has left.
-  void finish(std::uint32_t one, std::span<const std::uint32_t> others, double tolerance, batch::OpenPairs& open,
-              FormFactor* found) const;
-
+  class Sorter;
   std::vector<Polygon> polygons_;
   std::vector<batch::PatchRecord> records_;
   const batch::Kernels* kernels_;

@@ -256,28 +256,34 @@ class Descent {
   /// Exchange areas of the marked pairs of a tile, row by row; then what blockers leave of them.
   void fill() {
     results_.assign(static_cast<std::size_t>(rows_ * columns_), FormFactor{});
+    others_.clear();
+    places_.clear();
     for (int r = 0; r < rows_; ++r) {
-      others_.clear();
-      columns_of_others_.clear();
       for (int c = 0; c < columns_; ++c) {
         if (facing_[static_cast<std::size_t>(r * columns_ + c)] == 0) continue;
         others_.push_back(static_cast<std::uint32_t>(element(column_first_ + c)));
-        columns_of_others_.push_back(c);
+        places_.push_back(r * columns_ + c);
       }
-      row_results_.assign(others_.size(), FormFactor{});
-      problem_.kernel->exchange_areas(static_cast<std::uint32_t>(element(row_first_ + r)), others_,
-                                      problem_.unoccluded_tolerance, row_results_);
-      for (std::size_t k = 0; k < others_.size(); ++k) {
-        // The vector kernel takes patches that rise above a plane by a few roundings of the scene as not rising.
-        if (row_results_[k].method == FormFactorMethod::kZero) {
-          const double smaller = std::min(problem_.elements.area_mm2[element(row_first_ + r)],
-                                          problem_.elements.area_mm2[static_cast<Eigen::Index>(others_[k])]);
-          row_results_[k] = exchange_area(problem_.tree.polygon(element(row_first_ + r)),
-                                          problem_.tree.polygon(static_cast<int>(others_[k])),
-                                          problem_.unoccluded_tolerance * smaller);
-        }
-        results_[static_cast<std::size_t>(r * columns_ + columns_of_others_[k])] = row_results_[k];
+    }
+    found_.assign(others_.size(), FormFactor{});
+    kernel_rows_.clear();
+    for (std::size_t begin = 0, end = 0; begin < places_.size(); begin = end) {
+      const int r = places_[begin] / columns_;
+      while (end < places_.size() && places_[end] / columns_ == r) ++end;
+      kernel_rows_.push_back({static_cast<std::uint32_t>(element(row_first_ + r)),
+                              std::span(others_).subspan(begin, end - begin),
+                              std::span(found_).subspan(begin, end - begin)});
+    }
+    problem_.kernel->exchange_areas(kernel_rows_, problem_.unoccluded_tolerance);
+    for (std::size_t k = 0; k < others_.size(); ++k) {
+      // The vector kernel takes patches that rise above a plane by a few roundings of the scene as not rising.
+      if (found_[k].method == FormFactorMethod::kZero) {
+        const int one = element(row_first_ + places_[k] / columns_), other = static_cast<int>(others_[k]);
+        const double smaller = std::min(problem_.elements.area_mm2[one], problem_.elements.area_mm2[other]);
+        found_[k] = exchange_area(problem_.tree.polygon(one), problem_.tree.polygon(other),
+                                  problem_.unoccluded_tolerance * smaller);
       }
+      results_[static_cast<std::size_t>(places_[k])] = found_[k];
     }
     for (const Shadowed& pair : shadowed_) {
       FormFactor& exchange = results_[static_cast<std::size_t>(pair.row * columns_ + pair.column)];
@@ -364,9 +370,12 @@ class Descent {
   std::vector<char> facing_;  ///< of the tile's pairs: whether they face one another
   std::vector<Shadowed> shadowed_;
   std::vector<int> candidate_pool_;
+  std::vector<FormFactor> results_;
+  // The pairs that face each other, row by row: the patch of the column, the place in `results_`, what is exchanged.
   std::vector<std::uint32_t> others_;
-  std::vector<int> columns_of_others_;
-  std::vector<FormFactor> results_, row_results_;
+  std::vector<int> places_;
+  std::vector<FormFactor> found_;
+  std::vector<FormFactorBatch::Row> kernel_rows_;
   std::vector<std::uint8_t> methods_;
   std::vector<double> values_;
   std::vector<RowError> of_rows_, of_columns_;  ///< of the tile, as exchange areas
