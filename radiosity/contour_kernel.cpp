@@ -404,7 +404,7 @@ class ContourSum {
     } else {
       pair.sine = 0;
     }
-    if (parallel || pair.gap <= rounding) {
+    if (parallel || pair.gap <= rounding || gap_is_negligible(pair)) {
       const Real near_inner_middle = parallel ? ((p.start + p.end) / 2 - q.start).dot(v) : pair.along_inner;
       const bool reaches = parallel || (pair.along_outer >= -p_length && pair.along_outer <= 2 * p_length);
       // The closed forms lose the digits that a long inner edge has more than the short outer one: where those matter,
@@ -415,12 +415,25 @@ class ContourSum {
       const Real to = std::clamp(near_inner_middle + near_part, Real(0), q_length);
       if (reaches && to > from && is_near(pair, from, to)) {
         Real value = closed_form(pair, parallel, from, to);
-        if (from > 0) value += quadrature(part_of(pair, 0, from));
-        if (to < q_length) value += quadrature(part_of(pair, to, q_length));
+        if (!parallel && pair.gap > rounding) truncation_ += scale_ * left_out_by_gap(pair);
+        if (from > 0) value += quadrature(part_of(pair, 0, from), share_ * Real(0.375));
+        if (to < q_length) value += quadrature(part_of(pair, to, q_length), share_ * Real(0.375));
         return value;
       }
     }
-    return quadrature(pair);
+    return quadrature(pair, share_);
+  }
+
+  /// What ∫∫ ln r changes by where the lines are moved together. With ρ the distance then, ½ ln(1 + gap²/ρ²) is left
+  /// out over a parallelogram, of at most its integral over a disc of the same area about the crossing.
+  static Real left_out_by_gap(const EdgePair<Real>& pair) {
+    const Real square = pair.gap * pair.gap;
+    const Real disc = pair.outer_length * pair.inner_length * pair.sine / std::numbers::pi_v<Real>;
+    return std::numbers::pi_v<Real> / 2 * square / pair.sine * (1 + std::log(1 + disc / square));
+  }
+  bool gap_is_negligible(const EdgePair<Real>& pair) const {
+    const Real share = share_ / 4;
+    return 2 * scale_ * pair.gap * pair.gap <= share * pair.sine && scale_ * left_out_by_gap(pair) <= share;
   }
 
   static EdgePair<Real> part_of(EdgePair<Real> pair, Real from, Real to) {
@@ -463,14 +476,14 @@ class ContourSum {
     enum { kInside, kOutside, kUnknown } closest;
   };
 
-  Real quadrature(const EdgePair<Real>& pair) {
+  Real quadrature(const EdgePair<Real>& pair, Real share) {
     Outer outer{pair, pair.outer_direction - pair.cosine * pair.inner_direction, Outer::kOutside};
     if (pair.sine > 0) {
       const Real doubt = 64 * kEpsilon / pair.sine;
       const Real inside = std::min(pair.along_inner, pair.inner_length - pair.along_inner);
       outer.closest = inside > doubt ? Outer::kInside : inside < -doubt ? Outer::kOutside : Outer::kUnknown;
     }
-    return panel(outer, 0, pair.outer_length, share_ / 2);  // one of at most two parts
+    return panel(outer, 0, pair.outer_length, share);
   }
 
   /// ∫ of the inner integral over the outer edge's [from, to], halved where a singularity stands near.
@@ -532,9 +545,8 @@ class ContourSum {
       }
     }
 
-    // Two panels of two points cost no less than one of four; past the square root of the ellipse that half a panel
-    // has (5.83, a corner next to its end), halving is cheaper.
-    if (points.count > kMostPoints || (points.count > 4 && decay > Real(0.17))) {
+    // Two panels of two points cost no less than one of four.
+    if (points.count > kMostPoints || (points.count > 4 && decay > kCutDecay)) {
       const Real square = scale_ * half * half;
       bool small = half <= kEpsilon;
       points = {1, 0};
@@ -548,11 +560,18 @@ class ContourSum {
       if (!small) {
         const Real low_past = run + std::clamp(-run, foot[0], foot[1]);
         const Real high_past = run - std::clamp(run, foot[0], foot[1]);
-        const bool low_is_near = low_square + low_past * low_past < high_square + high_past * high_past;
-        const Real before = truncation_;
-        const Real far_half = low_is_near ? panel(outer, middle, to, share / 2) : panel(outer, from, middle, share / 2);
+        const Real low_distance = std::sqrt(low_square + low_past * low_past);
+        const Real high_distance = std::sqrt(high_square + high_past * high_past);
+        const bool low_is_near = low_distance < high_distance;
+        // The far part gets an ellipse of 2.6 if the singularity stands at the near end, the near part if it stands at
+        // 0.4 of its length; a crossing within the panel becomes an end of both.
+        const Real near = std::min(low_distance, high_distance), whole = 2 * half;
+        const Real part =
+            std::max({whole / 5, std::min(Real(2.4) * near, half), whole * (near / (low_distance + high_distance))});
+        const Real cut = low_is_near ? from + part : to - part, before = truncation_;
+        const Real far_part = low_is_near ? panel(outer, cut, to, share / 2) : panel(outer, from, cut, share / 2);
         const Real rest = std::max(share - (truncation_ - before), Real(0));
-        return far_half + (low_is_near ? panel(outer, from, middle, rest) : panel(outer, middle, to, rest));
+        return far_part + (low_is_near ? panel(outer, from, cut, rest) : panel(outer, cut, to, rest));
       }
     }
     truncation_ += scale_ * points.left_out;
@@ -571,7 +590,7 @@ class ContourSum {
     }
     magnitude_ += 2 * half * largest;
     value *= half;
-    if (split_kink) value += std::numbers::pi_v<Real> * distance_integral(pair, from, to);
+    if (split_kink) value += std::numbers::pi_v<Real> * distance_integral(across, outer.rise, half);
     return value;
   }
 
@@ -595,24 +614,24 @@ class ContourSum {
     return {n, tail[0] + tail[1]};
   }
 
-  /// ∫ h over the outer edge's [from, to], h the distance to the inner line.
-  Real distance_integral(const EdgePair<Real>& pair, Real from, Real to) const {
-    const auto height_at = [&](Real t) {
-      const Vector x = pair.outer_origin + t * pair.outer_direction - pair.inner_origin;
-      return x.cross(pair.inner_direction).norm();
-    };
-    const Real a = from - pair.along_outer, b = to - pair.along_outer;
+  /// ∫ h over a panel, h = |across + τ rise| the distance to the inner line. Where the lines come closest follows from
+  /// these two again, not from the edges: of nearly parallel ones h is known better than that place.
+  Real distance_integral(const Vector& across, const Vector& rise, Real half) const {
+    const Real square = rise.squaredNorm(), sine = std::sqrt(square);
+    const Real closest = square > 0 ? -across.dot(rise) / square : Real(0);
+    const Real gap = square > 0 ? across.cross(rise).norm() / sine : Real(0);
+    const Real a = -half - closest, b = half - closest;
     // Nearly parallel lines cross too far away for the antiderivative; h is then smooth and a plain rule exact enough.
-    if (pair.sine == 0 || pair.gap >= 30 * pair.sine * std::max(std::abs(a), std::abs(b)) ||
+    if (!(square > 0) || gap >= 30 * sine * std::max(std::abs(a), std::abs(b)) ||
         (a * b > 0 && std::min(std::abs(a), std::abs(b)) > 4 * (b - a))) {
       const auto& rule = rules_.of[16];
       Real sum = 0;
-      for (int i = 0; i < 16; ++i) sum += rule.weight[i] * height_at((from + to) / 2 + (to - from) / 2 * rule.node[i]);
-      return (to - from) / 2 * sum;
+      for (int i = 0; i < 16; ++i) sum += rule.weight[i] * (across + half * rule.node[i] * rise).norm();
+      return half * sum;
     }
     const auto antiderivative = [&](Real tau) {  // of sqrt(gap² + sine² τ²), odd in τ
-      const Real rise = pair.sine * tau, h = std::sqrt(pair.gap * pair.gap + rise * rise);
-      const Real log_part = pair.gap == 0 ? Real(0) : pair.gap * pair.gap / pair.sine * std::asinh(rise / pair.gap);
+      const Real climb = sine * tau, h = std::sqrt(gap * gap + climb * climb);
+      const Real log_part = gap == 0 ? Real(0) : gap * gap / sine * std::asinh(climb / gap);
       return (tau * h + log_part) / 2;
     };
     return antiderivative(b) - antiderivative(a);
@@ -622,9 +641,10 @@ class ContourSum {
   /// Roundings a term may gather: 25 were seen in double, whose corners are rounded themselves (a patch ten sizes from
   /// one of 1e4 times its area), 9 in extended precision.
   static constexpr Real kRoundings = std::is_same_v<Real, double> ? 40 : 16;
-  static constexpr Real kMostDecayOfBoth = 0.42;  ///< of points on both edges: ρ = 1.54
-  static constexpr int kMostDistances = 256;      ///< of points on both edges, past which the inner integral is cheaper
+  static constexpr Real kMostDecayOfBoth = 0.5;  ///< of points on both edges: ρ = 1.41
+  static constexpr int kMostDistances = 256;     ///< of points on both edges, past which the inner integral is cheaper
   static constexpr Real kMostDecay = 0.6;
+  static constexpr Real kCutDecay = 0.45;  ///< ρ = 1.5: two panels of 2.6 would take more points
 
   Real left_;
   int pairs_left_;
