@@ -146,11 +146,16 @@ class ContourSum {
                                     lane_of<Real>(a_square, lane), lane_of<Real>(b_square, lane),
                                     lane_of<Real>(p_decay, lane), lane_of<Real>(q_decay, lane),
                                     lane_of<Real>(p_sum, lane))) {
-        const Edge<Real> p(a, a_block + a_lane * a.blocks), q(b, b_block + lane * b.blocks);
-        if (p.length <= q.length) {
-          by_inner_integral(p, q);
-        } else {
-          by_inner_integral(q, p);
+        const int i = a_block + a_lane * a.blocks, j = b_block + lane * b.blocks;
+        if (!by_common_corner({a.corner(i), a.corner(i + 1)}, {b.corner(j), b.corner(j + 1)},
+                              lane_of<Real>(d.both, lane), lane_of<Real>(a_inverse, lane),
+                              lane_of<Real>(b_inverse, lane))) {
+          const Edge<Real> p(a, i), q(b, j);
+          if (p.length <= q.length) {
+            by_inner_integral(p, q);
+          } else {
+            by_inner_integral(q, p);
+          }
         }
       }
       left_ = std::max(left_ - (truncation_ - before), Real(0));
@@ -188,30 +193,44 @@ class ContourSum {
   /// Gauss points on both edges, if not too many of them are needed.
   bool by_points_on_both(const Distances<Real>& d, Real p_squared, Real q_squared, Real p_decay, Real q_decay,
                          Real p_sum) {
-    if (!(std::max(p_decay, q_decay) < kMostDecayOfBoth)) return false;
     const auto& [middles, along_p, along_q, both] = d;
+    // Products of eight squared distances must not leave the range of double.
+    if (!(std::max(p_decay, q_decay) < kMostDecayOfBoth) || middles < Real(1e-30)) return false;
     const Real weight = std::abs(both), wanted = std::max(share_ / 2, kEpsilon / 2 * weight);
     const Points on_p = even_points(p_decay, 2 * weight, wanted);
     const Points on_q = even_points(q_decay, 2 * weight, wanted);
-    if (std::max(on_p.count, on_q.count) > kMostPoints || on_p.count * on_q.count > kMostDistances) return false;
+    const int most = std::max(on_p.count, on_q.count);
+    if (most > kMostPoints || on_p.count * on_q.count > kMostDistances) return false;
     truncation_ += on_p.left_out + on_q.left_out;
-    const auto& rule_p = rules_.of[on_p.count];
-    const auto& rule_q = rules_.of[on_q.count];
-    const int p_pairs = on_p.count / 2, q_pairs = on_q.count / 2;
-    std::array<Real, kMostPoints / 2> second_square;
-    for (int k = 0; k < q_pairs; ++k) second_square[k] = rule_q.square[k] * q_squared;
-    // The four points at ±s and ±t have one weight: the product of their squared distances has one logarithm.
-    Real sum = 0;
+
+    // The four points at ±s and ±t have one weight: the product of their squared distances has one logarithm. So have
+    // the points at ±t and ±s where both edges have the same rule, which is given them where that saves logarithms.
+    const bool same_rule = most * (most + 2) / 2 <= on_p.count * on_q.count;
+    const auto& rule_p = rules_.of[same_rule ? most : on_p.count];
+    const auto& rule_q = rules_.of[same_rule ? most : on_q.count];
+    const int p_pairs = (same_rule ? most : on_p.count) / 2, q_pairs = (same_rule ? most : on_q.count) / 2;
+    struct Middle {
+      Real plus, minus, plus_turned, minus_turned;
+    };
+    std::array<Middle, kMostPoints / 2> at;
     for (int i = 0; i < p_pairs; ++i) {
       const Real s = rule_p.node[i], middle = middles + rule_p.square[i] * p_squared, move = 2 * s * along_p;
-      const Real plus = middle + move, minus = middle - move;
       const Real plus_turn = 2 * (along_q + s * both), minus_turn = 2 * (along_q - s * both);
-      const Real plus_turned = plus_turn * plus_turn, minus_turned = minus_turn * minus_turn;
+      at[i] = {middle + move, middle - move, plus_turn * plus_turn, minus_turn * minus_turn};
+    }
+    const auto product = [&](int i, int k) {
+      const Real t_square = rule_q.square[k], along = t_square * q_squared;
+      const Real plus = at[i].plus + along, minus = at[i].minus + along;
+      return (plus * plus - t_square * at[i].plus_turned) * (minus * minus - t_square * at[i].minus_turned);
+    };
+    Real sum = 0;
+    for (int i = 0; i < p_pairs; ++i) {
       Real inner = 0;
-      for (int k = 0; k < q_pairs; ++k) {
-        const Real at_plus = plus + second_square[k], at_minus = minus + second_square[k], t_square = rule_q.square[k];
-        inner += rule_q.weight[k] * std::log((at_plus * at_plus - t_square * plus_turned) *
-                                             (at_minus * at_minus - t_square * minus_turned));
+      if (same_rule) {
+        for (int k = 0; k < i; ++k) inner += rule_q.weight[k] * std::log(product(i, k) * product(k, i));
+        inner += rule_q.weight[i] * std::log(product(i, i));
+      } else {
+        for (int k = 0; k < q_pairs; ++k) inner += rule_q.weight[k] * std::log(product(i, k));
       }
       sum += rule_p.weight[i] * inner;
     }
@@ -221,6 +240,32 @@ class ContourSum {
     const Real distance_square = p_squared * (p_sum - 1);
     rounding_ += 4 * weight * (std::abs(sum) / 8 + largest / (8 * distance_square));
     return true;
+  }
+
+  /// Edges that share a corner, unless they lie on one line or are so different that the closed form loses digits.
+  bool by_common_corner(const std::array<Vector, 2>& p, const std::array<Vector, 2>& q, Real both, Real p_inverse,
+                        Real q_inverse) {
+    const bool starts = p[0] == q[0], ends = p[1] == q[1], start_to_end = p[0] == q[1], end_to_start = p[1] == q[0];
+    if (!starts && !ends && !start_to_end && !end_to_start) return false;
+    const Real s = 1 / p_inverse, t = 1 / q_inverse, cosine = 4 * both * p_inverse * q_inverse, size = std::abs(cosine);
+    if ((starts && ends) || (start_to_end && end_to_start)) {  // one edge
+      add(cosine * s * t * (std::log(s) - Real(1.5)));
+      rounding_ += 8 * size * s * t;
+      return true;
+    }
+    const Vector& corner = p[starts || start_to_end ? 0 : 1];
+    const Vector u = p[starts || start_to_end ? 1 : 0] - corner, v = q[starts || end_to_start ? 1 : 0] - corner;
+    const Real sine = u.cross(v).norm() * (p_inverse * q_inverse), least = std::min(s, t), most = std::max(s, t);
+    if (sine * std::max(most, Real(1)) <= 4 * kEpsilon || (most > 3 * least && !whole_is_exact(size, most)))
+      return false;
+    add(cosine * corner_integral(s, t, starts || ends ? cosine : -cosine, sine));
+    rounding_ += 4 * size * (s + t) * (s + t > 8 * least ? s + t : least);
+    return true;
+  }
+
+  /// Whether the digits that a closed form loses by the length of the longer edge do not matter.
+  bool whole_is_exact(Real cosine, Real length) const {
+    return kRoundings * kEpsilon * 4 * cosine * length * length <= share_ / 4;
   }
 
   /// The outer edge is the shorter one.
@@ -266,15 +311,14 @@ class ContourSum {
       const bool reaches = parallel || (pair.along_outer >= -p_length && pair.along_outer <= 2 * p_length);
       // The closed forms lose the digits that a long inner edge has more than the short outer one: where those matter,
       // they take its near part only.
-      const bool exact_enough = kRoundings * kEpsilon * 4 * scale_ * q_length * q_length <= share_ / 4;
-      const Real near_part = exact_enough ? q_length + std::abs(near_inner_middle) : 3 * p_length;
+      const Real near_part = whole_is_exact(scale_, q_length) ? q_length + std::abs(near_inner_middle) : 3 * p_length;
       const Real from = std::clamp(near_inner_middle - near_part, Real(0), q_length);
       const Real to = std::clamp(near_inner_middle + near_part, Real(0), q_length);
       if (reaches && to > from && is_near(pair, from, to)) {
         Real value = closed_form(pair, parallel, from, to);
         if (!parallel && pair.gap > rounding) truncation_ += scale_ * left_out_by_gap(pair);
-        if (from > 0) value += quadrature(part_of(pair, 0, from), share_ * Real(0.375));
-        if (to < q_length) value += quadrature(part_of(pair, to, q_length), share_ * Real(0.375));
+        if (from > 0) value += quadrature(part_of(pair, 0, from), share_ / 4);
+        if (to < q_length) value += quadrature(part_of(pair, to, q_length), share_ / 4);
         return value;
       }
     }
@@ -321,8 +365,14 @@ class ContourSum {
     }
     const Real s0 = -pair.along_outer, s1 = pair.outer_length - pair.along_outer;
     const Real t0 = from - pair.along_inner, t1 = to - pair.along_inner;
-    return corner_integral(s1, t1, pair.cosine, pair.sine) - corner_integral(s0, t1, pair.cosine, pair.sine) -
-           corner_integral(s1, t0, pair.cosine, pair.sine) + corner_integral(s0, t0, pair.cosine, pair.sine);
+    // From a crossing next to a corner three of the four count little: the mean of |ln r| is at most 3 + 1 / length.
+    const auto from_crossing = [&](Real s, Real t) {
+      const Real whole = scale_ * std::abs(s * t) * (3 + 1 / std::max({std::abs(s), std::abs(t), kEpsilon}));
+      if (16 * whole > std::max(share_, least_share_)) return corner_integral(s, t, pair.cosine, pair.sine);
+      truncation_ += whole;
+      return Real(0);
+    };
+    return from_crossing(s1, t1) - from_crossing(s0, t1) - from_crossing(s1, t0) + from_crossing(s0, t0);
   }
 
   /// What all panels of an outer edge share.
