@@ -151,9 +151,10 @@ struct EdgeBounds {
   MeanPower mean;         ///< `inverse_gap` 1 / D
 };
 
-/// Least number m of points on every edge that meets `limit`, as kEdges + m, and the bound; kContour where none does.
+/// Least number m of up to `most` points on every edge that meets `limit`, as kEdges + m, and the bound; kContour where
+/// none does.
 /// @param near_edges  where known, in place of `coupling` and ρ
-inline void choose_edges(const EdgeBounds& of, const NearEdges* near_edges, Real limit, Mask asked,
+inline void choose_edges(const EdgeBounds& of, const NearEdges* near_edges, int most, Real limit, Mask asked,
                          const EdgeRule* edge_rules, Real& choice, Real& bound) {
   const double none = 1e300, nearest = 0.99, nearest_far = 0.66;
   const Real q_true = of.half_edge_square * square_of(of.mean.inverse_gap), q = min(q_true, splat(nearest));
@@ -191,7 +192,7 @@ inline void choose_edges(const EdgeBounds& of, const NearEdges* near_edges, Real
   bound = splat(0);
   const Mask near_holds = near_edges == nullptr ? Mask(q_true < nearest) : near_edges->enough;
   Mask open = asked & (near_holds | far_holds);
-  for (int half = 1; half <= kMaxEdgePoints / 2 && any(open); ++half) {
+  for (int half = 1; half <= most / 2 && any(open); ++half) {
     const int m = 2 * half;
     Real near_left = splat(0);
     for (int i = 0; i < edges; ++i)
@@ -372,8 +373,9 @@ struct FacingPair {
 
 /// Of m = 2, 4, 6, 8 points on every edge of two parallelograms the least whose bound, the mean of coefficient q^m E /
 /// r², meets `limit`, as kEdges + m, and the bound; else kUnsettled.
+/// @param few  where 2 points may be taken: nearer by, so few pairs would that it does not pay to sort them
 inline void choose_far_edges(Real coefficient, Real half_edge_square, const MeanPower& mean, Real limit, Mask asked,
-                             const EdgeRule* edge_rules, Real& choice, Real& bound) {
+                             Mask few, const EdgeRule* edge_rules, Real& choice, Real& bound) {
   const Real gap_square = square_of(mean.inverse_gap), centre_square = square_of(mean.inverse_centre);
   const Real q = half_edge_square * gap_square, step = q * q, step_centre = square_of(half_edge_square * centre_square);
   choice = splat(kUnsettled);
@@ -385,7 +387,8 @@ inline void choose_far_edges(Real coefficient, Real half_edge_square, const Mean
     power *= step;
     power_centre *= step_centre;
     const Real left = (power + power_centre) * taylor_error(edge_rules[half], true, q, splat(1 / (1 - most)));
-    const Mask take = open & (left <= limit);
+    Mask take = open & (left <= limit);
+    if (half == 1) take = take & few;
     choice = take ? splat(double{kEdges} + 2 * half) : choice;
     bound = take ? left : bound;
     open = open & ~take;
@@ -421,7 +424,8 @@ struct FarEdges {
                          0.5 * ((spread_a.second + spread_b.second) + (spread_a.beyond + spread_b.beyond)), splat(0));
     const Real turned = (4 / kPi) * (0.5 + 0.25 * square_of(dot(a.normal, b.normal))) *
                         ((a.area + 9.0 * spread_a.beyond) * (b.area + 9.0 * spread_b.beyond));
-    choose_far_edges(turned, half_edge_square, mean, limit - rounding, asked, edge_rules, choice, bound);
+    choose_far_edges(turned, half_edge_square, mean, limit - rounding, asked,
+                     reach_square * line.inverse_square <= 0.06, edge_rules, choice, bound);
     bound += rounding;
   }
 };

@@ -86,17 +86,18 @@ inline void edge_points(const CentreLine& line, Real distance, const Placement& 
   const Real of_shapes = sizes_a.skew + sizes_b.skew;
   Real rounding =
       kEdgeRoundings * kEpsilon * bounds.coupling * square_of(at.reach / max(least, 1e-10 * at.reach)) + of_shapes;
-  choose_edges(bounds, nullptr, limit - rounding, asked, edge_rules, choice, bound);
+  choose_edges(bounds, nullptr, any(parallelograms) ? kLoosePoints : kLoosePointsOfAny, limit - rounding, asked,
+               edge_rules, choice, bound);
   const Mask loose =
-      asked & ((choice == splat(kContour)) | (choice > (parallelograms ? splat(double{kEdges} + kLoosePoints)
-                                                                       : splat(double{kEdges} + kLoosePointsOfAny))));
+      asked & ((choice == splat(kContour)) | (~parallelograms & (choice > splat(double{kEdges} + kLoosePointsOfAny))));
   if (any(loose)) {
     // The true distances cost as much as some points on the edges.
     const NearEdges near_edges(Outline{shape_a}, Outline{shape_b}, 1e-6 * limit);
     bounds.coupling = min(bounds.coupling, near_edges.all);
     const Real sharper_rounding = min(rounding, kEdgeRoundings * kEpsilon * near_edges.roundings + of_shapes);
     Real sharper, sharper_bound;
-    choose_edges(bounds, &near_edges, limit - sharper_rounding, loose, edge_rules, sharper, sharper_bound);
+    choose_edges(bounds, &near_edges, kMaxEdgePoints, limit - sharper_rounding, loose, edge_rules, sharper,
+                 sharper_bound);
     choice = loose ? sharper : choice;
     bound = loose ? sharper_bound : bound;
     rounding = loose ? sharper_rounding : rounding;
@@ -196,7 +197,7 @@ void choose(const PatchRecord* const* first, const PatchRecord* const* second, i
                                  (spread_b.second + spread_b.beyond) * across(line.height_a, line));
     Real choice, bound;
     choose_far_edges(turned, 0.25 * longest, MeanPower(distance, middles, variance, splat(0)), limit - rounding,
-                     facing & ~moments & (middles > 0), edge_rules, choice, bound);
+                     facing & ~moments & (middles > 0), Mask{}, edge_rules, choice, bound);
     choice = by_round ? splat(kRound) : moments ? splat(kMoments) : choice;
     bound = by_round ? round.bound : moments ? round.without_beyond : bound + rounding;
     store(choices + start, choice, lanes_used);
@@ -235,11 +236,12 @@ void settle(const PatchRecord* records, std::uint32_t one, const std::uint32_t* 
         bound = may_cross ? crossed : bound;
         settled = settled | may_cross;
       }
-      Real choice = splat(kUnsettled), edge_bound = splat(0);
-      if (any(spread_a.symmetric & spread_b.symmetric & ~settled)) {
+      const Mask parallelograms = spread_a.symmetric & spread_b.symmetric;
+      Real choice = parallelograms ? splat(kParallelograms) : splat(kOthers), edge_bound = splat(0);
+      if (any(parallelograms & ~settled)) {
         const FarEdges far_edges(line, spread_a, spread_b, limit);
         Mask in_front = sides.in_front;
-        const Mask at_plane = (far | far_edges.holds) & spread_a.symmetric & spread_b.symmetric & ~in_front & ~settled;
+        const Mask at_plane = (far | far_edges.holds) & parallelograms & ~in_front & ~settled;
         if (any(at_plane)) {
           const Real distance = square_root(line.square);
           const FacingPair pair(line, distance, 1.5 * distance, a, b, Sides(one_lanes), Sides(other_lanes));
@@ -248,7 +250,11 @@ void settle(const PatchRecord* records, std::uint32_t one, const std::uint32_t* 
         }
         // What the true moments leave is told by `choose`.
         const Mask asked = far_edges.holds & in_front & ~settled & (round.without_beyond > limit);
-        if (any(asked)) far_edges.choose(line, a, b, spread_a, spread_b, limit, asked, edge_rules, choice, edge_bound);
+        if (any(asked)) {
+          Real points;
+          far_edges.choose(line, a, b, spread_a, spread_b, limit, asked, edge_rules, points, edge_bound);
+          choice = points > splat(kUnsettled) ? points : choice;
+        }
       }
       // A whole vector that takes the same number of points need not be sorted.
       const double points = choice[0];

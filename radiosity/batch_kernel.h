@@ -78,8 +78,10 @@ struct EdgeRule {
 /// What to do with a pair. kEdges + 2n: the contour integral by 2n points on each edge of two parallelograms; kEdges +
 /// 2n + 1: of other patches.
 enum Choice : std::int32_t {
-  kNothing,    ///< the value is 0
-  kUnsettled,  ///< `classify` is to be asked
+  kNothing,         ///< the value is 0
+  kUnsettled,       ///< `classify` is to be asked
+  kParallelograms,  ///< `choose` is to be asked
+  kOthers,          ///< `choose_products` is to be asked
   kContour,
   kRound,  ///< the centres with moments taken for alike in all directions of the plane
   kMoments,
@@ -92,7 +94,7 @@ enum Choice : std::int32_t {
 /// Distance from a plane, in normalised coordinates, that the first line's balls are enlarged by.
 constexpr double kOpen = 1e-9;
 
-/// Pairs that `settle` has left: their places in its list, choices (or kUnsettled) and bounds; of several lists, one
+/// Pairs that `settle` has left: their places in its list, choices or whom to ask, and bounds; of several lists, one
 /// after the other.
 struct OpenPairs {
   int count;

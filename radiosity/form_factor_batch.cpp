@@ -230,9 +230,6 @@ double pack_spread(const PatchRecord& record, double difference, double ball) {
   return std::bit_cast<double>(second << 32 | rounded_up(ball_square, 16) << 16 | low);
 }
 
-/// From the line of the record that is read anyhow.
-bool is_symmetric(const PatchRecord& record) { return (std::bit_cast<std::uint64_t>(record.spread) & 1) == 0; }
-
 PatchRecord make_record(const Polygon& polygon, const Vector3d& moved_by, double unit) {
   PatchRecord record{};
   detail::ClippedPolygon<double> scaled;
@@ -382,30 +379,26 @@ class FormFactorBatch::Sorter {
   static constexpr int kMost = batch::kMostOpen;
 
   void choose() {
-    const auto parallelograms = [this](int i) { return is_symmetric(*first_[i]) && is_symmetric(*second_[i]); };
     const EdgeRule* of_edges = edge_rules().data();
     const ProductRule* products = product_rules().data();
-    ask(parallelograms, [&](Records first, Records second, int count, std::int32_t* choice, double* bound) {
+    ask(batch::kParallelograms, [&](Records first, Records second, int count, std::int32_t* choice, double* bound) {
       kernels_.choose(first, second, count, tolerance_, of_edges, choice, bound);
     });
-    ask([&](int i) { return !parallelograms(i); },
-        [&](Records first, Records second, int count, std::int32_t* choice, double* bound) {
-          kernels_.choose_products(first, second, count, tolerance_, products, choice, bound);
-        });
-    ask([](int) { return true; },
-        [&](Records first, Records second, int count, std::int32_t* choice, double* bound) {
-          kernels_.classify(first, second, count, tolerance_, of_edges, products, choice, bound);
-        });
+    ask(batch::kOthers, [&](Records first, Records second, int count, std::int32_t* choice, double* bound) {
+      kernels_.choose_products(first, second, count, tolerance_, products, choice, bound);
+    });
+    ask(batch::kUnsettled, [&](Records first, Records second, int count, std::int32_t* choice, double* bound) {
+      kernels_.classify(first, second, count, tolerance_, of_edges, products, choice, bound);
+    });
   }
 
-  /// Those of the unsettled pairs that `whether` holds of are asked about.
-  template <class Whether, class Chooser>
-  void ask(Whether whether, Chooser chooser) {
+  template <class Chooser>
+  void ask(batch::Choice about, Chooser chooser) {
     std::array<int, kMost> member;
     std::size_t members = 0;
     for (int i = 0; i < open_.count; ++i) {
       member[members] = i;
-      members += open_.choice[i] == batch::kUnsettled && whether(i) ? 1 : 0;
+      members += open_.choice[i] == about ? 1 : 0;
     }
     const int count = static_cast<int>(members);
     if (count == 0) return;
