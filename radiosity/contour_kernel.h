@@ -3,10 +3,11 @@
 ///
 ///   A1 F12 = (1 / 2π) Σ_ij (u_i·v_j) ∫_i ∫_j ln|x - y| ds dt
 ///
-/// The inner integral is elementary. What is left to the outer one is singular only at the corners of the other
-/// polygon, because the kink along an inner edge is split off in closed form; its panels are halved towards those
-/// corners, so the cost grows with the logarithm of the gap. Edges that meet, cross or run parallel are done in closed
-/// form altogether. See docs/form-factors.md.
+/// Edges that stand apart take Gauss points on both. Else the inner integral is elementary, and what is left to the
+/// outer one is singular only at the corners of the other polygon, because the kink along an inner edge is split off in
+/// closed form; its panels are cut towards those corners, so the cost grows with the logarithm of the gap. Edges that
+/// meet, cross or run parallel are done in closed form altogether. Every rule has a proven bound of what it leaves out,
+/// and no more points than the wanted error asks for. See docs/form-factors.md.
 #pragma once
 
 #include "radiosity/horizon_clip.h"
@@ -15,7 +16,7 @@ namespace interglow::radiosity::detail {
 
 struct ContourResult {
   long double exchange_area = 0;  ///< A1 F12 in the units of the corners
-  long double truncation = 0;     ///< bound on what the quadrature leaves out
+  long double truncation = 0;     ///< bound on what the rules leave out
   long double rounding = 0;       ///< estimate of the rounding errors
 };
 
