@@ -56,8 +56,6 @@ struct Placement {
   }
 };
 
-/// Points up to which it does not pay to sharpen the bound: of parallelograms, and of other patches.
-constexpr int kLoosePoints = 12, kLoosePointsOfAny = 4;
 constexpr double kEdgeRoundings = 2.0;  ///< of the squared distances that may gather in their mean logarithm
 
 /// Σ_{k >= 2m} of |k-th Taylor coefficient| times the rule's error of x^k, over q^m, of coefficients (k + 1) q^(k/2)
@@ -151,10 +149,26 @@ struct EdgeBounds {
   MeanPower mean;         ///< `inverse_gap` 1 / D
 };
 
-/// Least number m of up to `most` points on every edge that meets `limit`, as kEdges + m, and the bound; kContour where
-/// none does.
+/// Points on an edge beyond which the contour integral takes less time, for pairs that ask for more are so rare that
+/// vectors are hardly filled.
+struct MostPoints {
+  int parallelograms, others;
+  static MostPoints worth_while(double tolerance) {
+    return {tolerance >= 1e-6    ? 12
+            : tolerance >= 1e-10 ? 16
+                                 : kMaxEdgePoints,
+            tolerance >= 1e-5    ? 8
+            : tolerance >= 1e-8  ? 12
+            : tolerance >= 1e-12 ? 16
+                                 : kMaxEdgePoints};
+  }
+};
+
+constexpr MostPoints kLoosePoints{12, 4};  ///< up to which it does not pay to sharpen the bound
+
+/// Least number m of points on every edge that meets `limit`, as kEdges + m, and the bound; kContour where none does.
 /// @param near_edges  where known, in place of `coupling` and ρ
-inline void choose_edges(const EdgeBounds& of, const NearEdges* near_edges, int most, Real limit, Mask asked,
+inline void choose_edges(const EdgeBounds& of, const NearEdges* near_edges, MostPoints most, Real limit, Mask asked,
                          const EdgeRule* edge_rules, Real& choice, Real& bound) {
   const double none = 1e300, nearest = 0.99, nearest_far = 0.66;
   const Real q_true = of.half_edge_square * square_of(of.mean.inverse_gap), q = min(q_true, splat(nearest));
@@ -192,8 +206,10 @@ inline void choose_edges(const EdgeBounds& of, const NearEdges* near_edges, int 
   bound = splat(0);
   const Mask near_holds = near_edges == nullptr ? Mask(q_true < nearest) : near_edges->enough;
   Mask open = asked & (near_holds | far_holds);
-  for (int half = 1; half <= most / 2 && any(open); ++half) {
+  for (int half = 1; half <= kMaxEdgePoints / 2; ++half) {
     const int m = 2 * half;
+    open = open & (of.parallelograms ? Mask{} - (m <= most.parallelograms) : Mask{} - (m <= most.others));
+    if (!any(open)) break;
     Real near_left = splat(0);
     for (int i = 0; i < edges; ++i)
       for (int j = 0; j < edges; ++j) {
@@ -371,22 +387,29 @@ struct FacingPair {
   }
 };
 
-/// Of m = 2, 4, 6, 8 points on every edge of two parallelograms the least whose bound, the mean of coefficient q^m E /
-/// r², meets `limit`, as kEdges + m, and the bound; else kUnsettled.
+/// Of m = 2, 4, 6, 8 points on every edge of two parallelograms the least whose bound, coefficient q^m E / D², meets
+/// `limit`, as kEdges + m, and the bound; else kUnsettled.
+/// @param mean  where known, in place of 1 / D
 /// @param few  where 2 points may be taken: nearer by, so few pairs would that it does not pay to sort them
-inline void choose_far_edges(Real coefficient, Real half_edge_square, const MeanPower& mean, Real limit, Mask asked,
-                             Mask few, const EdgeRule* edge_rules, Real& choice, Real& bound) {
-  const Real gap_square = square_of(mean.inverse_gap), centre_square = square_of(mean.inverse_centre);
-  const Real q = half_edge_square * gap_square, step = q * q, step_centre = square_of(half_edge_square * centre_square);
+inline void choose_far_edges(Real coefficient, Real half_edge_square, Real inverse, const MeanPower* mean, Real limit,
+                             Mask asked, Mask few, const EdgeRule* edge_rules, Real& choice, Real& bound) {
+  const Real q = half_edge_square * square_of(inverse), step = q * q;
+  Real power = coefficient * square_of(inverse), centre = splat(0), step_centre = splat(0);
+  if (mean != nullptr) {
+    const Real centre_square = square_of(mean->inverse_centre);
+    step_centre = square_of(half_edge_square * centre_square);
+    power *= mean->weight;
+    centre = coefficient * (1.0 - mean->weight) * centre_square;
+  }
   choice = splat(kUnsettled);
   bound = splat(0);
   const double most = 0.25;
-  Mask open = asked & (mean.inverse_gap > 0) & (q < most);
-  Real power = coefficient * mean.weight * gap_square, power_centre = coefficient * (1.0 - mean.weight) * centre_square;
+  Mask open = asked & (inverse > 0) & (q < most);
   for (int half = 1; half <= 4 && any(open); ++half) {
     power *= step;
-    power_centre *= step_centre;
-    const Real left = (power + power_centre) * taylor_error(edge_rules[half], true, q, splat(1 / (1 - most)));
+    if (mean != nullptr) centre *= step_centre;
+    const Real left =
+        (mean != nullptr ? power + centre : power) * taylor_error(edge_rules[half], true, q, splat(1 / (1 - most)));
     Mask take = open & (left <= limit);
     if (half == 1) take = take & few;
     choice = take ? splat(double{kEdges} + 2 * half) : choice;
@@ -419,12 +442,10 @@ struct FarEdges {
   }
   void choose(const CentreLine& line, const Centre& a, const Centre& b, const Spread& spread_a, const Spread& spread_b,
               Real limit, Mask asked, const EdgeRule* edge_rules, Real& choice, Real& bound) const {
-    const Real distance = square_root(line.square);
-    const MeanPower mean(distance, distance - square_root(reach_square),
-                         0.5 * ((spread_a.second + spread_b.second) + (spread_a.beyond + spread_b.beyond)), splat(0));
+    const Real distance = square_root(line.square) - square_root(reach_square);
     const Real turned = (4 / kPi) * (0.5 + 0.25 * square_of(dot(a.normal, b.normal))) *
                         ((a.area + 9.0 * spread_a.beyond) * (b.area + 9.0 * spread_b.beyond));
-    choose_far_edges(turned, half_edge_square, mean, limit - rounding, asked,
+    choose_far_edges(turned, half_edge_square, 1.0 / distance, nullptr, limit - rounding, asked,
                      reach_square * line.inverse_square <= 0.06, edge_rules, choice, bound);
     bound += rounding;
   }

@@ -62,75 +62,100 @@ void choose_products(const PatchRecord* const* first, const PatchRecord* const* 
   }
 }
 
+/// Pairs by their whole records.
+struct WholePair {
+  Centre a, b;
+  Sizes sizes_a, sizes_b;
+  Shape shape_a, shape_b;
+  Lines lines_a, lines_b;
+  CentreLine line;
+  Real distance, radii;
+  Mask parallelograms;  ///< both are
+  Placement at;
+
+  WholePair(const Lanes& first, const Lanes& second)
+      : a(first),
+        b(second),
+        sizes_a(first),
+        sizes_b(second),
+        shape_a(first),
+        shape_b(second),
+        lines_a(first),
+        lines_b(second),
+        line(divided(a, b)),
+        distance(square_root(line.square)),
+        radii(sizes_a.radius + sizes_b.radius),
+        parallelograms(sizes_a.parallelogram & sizes_b.parallelogram),
+        at(line, distance, radii, a, b, shape_a, shape_b, sizes_a.parallelogram, sizes_b.parallelogram) {}
+
+ private:
+  static CentreLine divided(const Centre& a, const Centre& b) {
+    CentreLine line(a, b);
+    line.divide(a, b, 1.0 / max(line.square, splat(1e-280)));
+    return line;
+  }
+};
+
 /// Points on the edges of patches that face each other, as a choice, and the bound; kContour where none are enough.
-inline void edge_points(const CentreLine& line, Real distance, const Placement& at, const Centre& a, const Centre& b,
-                        const Sizes& sizes_a, const Sizes& sizes_b, const Shape& shape_a, const Shape& shape_b,
-                        const Lines& lines_a, const Lines& lines_b, Mask parallelograms, Real limit, Mask asked,
-                        const EdgeRule* edge_rules, Real& choice, Real& bound) {
+inline void choose_points_on_edges(const WholePair& of, MostPoints most, Real limit, Mask asked,
+                                   const EdgeRule* edge_rules, Real& choice, Real& bound) {
+  const Placement& at = of.at;
+  const Sizes &sizes_a = of.sizes_a, &sizes_b = of.sizes_b;
+  const Shape &shape_a = of.shape_a, &shape_b = of.shape_b;
   const Real distance_a =
                  max(max(at.along_b.low - at.along_a.middle_high, at.gap), max(at.over_a.low, at.over_b.middle_low)),
              distance_b =
                  max(max(at.along_b.middle_low - at.along_a.high, at.gap), max(at.over_b.low, at.over_a.middle_low));
   EdgeBounds bounds;
-  bounds.parallelograms = parallelograms;
-  bounds.mean = line_power(line, distance, min(distance_a, distance_b), lines_a, lines_b);
+  bounds.parallelograms = of.parallelograms;
+  bounds.mean = line_power(of.line, of.distance, min(distance_a, distance_b), of.lines_a, of.lines_b);
   bounds.half_edge_square = square_of(max(sizes_a.half_edge, sizes_b.half_edge));
   const Real cosines = (magnitude(dot(shape_a.e1, shape_b.e1)) + magnitude(dot(shape_a.e1, shape_b.e2))) +
                        (magnitude(dot(shape_a.e2, shape_b.e1)) + magnitude(dot(shape_a.e2, shape_b.e2)));
-  bounds.coupling = parallelograms ? (2 / kPi) * cosines : 1 / (2 * kPi) * (sizes_a.perimeter * sizes_b.perimeter);
-  bounds.turned = (2 / kPi) * min((0.5 + 0.25 * square_of(dot(a.normal, b.normal))) * (sizes_a.sides * sizes_b.sides),
-                                  cosines * (sizes_a.half_edge * sizes_b.half_edge));
-  bounds.swept = 1 / (2 * kPi) * (sizes_a.perimeter * b.area + sizes_b.perimeter * a.area);
+  bounds.coupling = of.parallelograms ? (2 / kPi) * cosines : 1 / (2 * kPi) * (sizes_a.perimeter * sizes_b.perimeter);
+  bounds.turned =
+      (2 / kPi) * min((0.5 + 0.25 * square_of(dot(of.a.normal, of.b.normal))) * (sizes_a.sides * sizes_b.sides),
+                      cosines * (sizes_a.half_edge * sizes_b.half_edge));
+  bounds.swept = 1 / (2 * kPi) * (sizes_a.perimeter * of.b.area + sizes_b.perimeter * of.a.area);
   // Of a squared distance: roundings of the sum of the moduli of its terms, which `reach` bounds.
   const Real least = max(at.gap, max(distance_a - sizes_a.half_edge, distance_b - sizes_b.half_edge));
   const Real of_shapes = sizes_a.skew + sizes_b.skew;
   Real rounding =
       kEdgeRoundings * kEpsilon * bounds.coupling * square_of(at.reach / max(least, 1e-10 * at.reach)) + of_shapes;
-  choose_edges(bounds, nullptr, any(parallelograms) ? kLoosePoints : kLoosePointsOfAny, limit - rounding, asked,
-               edge_rules, choice, bound);
-  const Mask loose =
-      asked & ((choice == splat(kContour)) | (~parallelograms & (choice > splat(double{kEdges} + kLoosePointsOfAny))));
+  choose_edges(bounds, nullptr, kLoosePoints, limit - rounding, asked, edge_rules, choice, bound);
+  const Mask loose = asked & (choice == splat(kContour));
   if (any(loose)) {
     // The true distances cost as much as some points on the edges.
     const NearEdges near_edges(Outline{shape_a}, Outline{shape_b}, 1e-6 * limit);
     bounds.coupling = min(bounds.coupling, near_edges.all);
     const Real sharper_rounding = min(rounding, kEdgeRoundings * kEpsilon * near_edges.roundings + of_shapes);
     Real sharper, sharper_bound;
-    choose_edges(bounds, &near_edges, kMaxEdgePoints, limit - sharper_rounding, loose, edge_rules, sharper,
-                 sharper_bound);
+    choose_edges(bounds, &near_edges, most, limit - sharper_rounding, loose, edge_rules, sharper, sharper_bound);
     choice = loose ? sharper : choice;
     bound = loose ? sharper_bound : bound;
     rounding = loose ? sharper_rounding : rounding;
   }
-  choice = (~parallelograms & (choice > splat(kEdges))) ? choice + 1.0 : choice;
+  choice = (~of.parallelograms & (choice > splat(kEdges))) ? choice + 1.0 : choice;
   bound += rounding;
 }
 
-/// Any rule, by the whole records.
 void classify(const PatchRecord* const* first, const PatchRecord* const* second, int count, double tolerance,
               const EdgeRule* edge_rules, const ProductRule* product_rules, std::int32_t* choices,
               double* bounds_found) {
   for (int start = 0; start < count; start += kLanes) {
     const int lanes_used = count - start < kLanes ? count - start : kLanes;
-    const Lanes first_lanes(first + start, lanes_used), second_lanes(second + start, lanes_used);
-    const Centre a(first_lanes), b(second_lanes);
-    const Sizes sizes_a(first_lanes), sizes_b(second_lanes);
-    const Shape shape_a(first_lanes), shape_b(second_lanes);
-    const Lines lines_a(first_lanes), lines_b(second_lanes);
-    CentreLine line(a, b);
-    line.divide(a, b, 1.0 / max(line.square, splat(1e-280)));
-    const Real distance = square_root(line.square), radii = sizes_a.radius + sizes_b.radius;
-    const Real area = a.area * b.area, limit = tolerance * min(a.area, b.area);
-    const Mask regular_a = sizes_a.parallelogram, regular_b = sizes_b.parallelogram;
-    const Placement at(line, distance, radii, a, b, shape_a, shape_b, regular_a, regular_b);
-    const Real moments_left = moments_bound(line, distance, radii, area, lines_a, lines_b);
+    const WholePair pair(Lanes(first + start, lanes_used), Lanes(second + start, lanes_used));
+    const Placement& at = pair.at;
+    const Real area = pair.a.area * pair.b.area, limit = tolerance * min(pair.a.area, pair.b.area);
+    const Real moments_left = moments_bound(pair.line, pair.distance, pair.radii, area, pair.lines_a, pair.lines_b);
     const Mask moments = at.in_front & (moments_left <= limit);
-    const Mask asked = at.in_front & ~at.hidden & ~moments, regular = regular_a & regular_b;
+    const Mask asked = at.in_front & ~at.hidden & ~moments;
     Real choice = splat(kUnsettled), bound = splat(0);
-    if (any(asked & ~regular)) {
-      const MeanPower mean = line_power(line, distance, at.gap, lines_a, lines_b);
+    const Mask by_products = asked & ~pair.parallelograms & (at.gap > 0);
+    if (any(by_products)) {
+      const MeanPower mean = line_power(pair.line, pair.distance, at.gap, pair.lines_a, pair.lines_b);
       const Real rounding = product_rounding(at.over_b.high, at.over_a.high, area, mean.inverse_gap);
-      choose_product(area * (1 / kPi), mean, lines_a, lines_b, limit - rounding, asked & ~regular & (at.gap > 0), 5,
+      choose_product(area * (1 / kPi), mean, pair.lines_a, pair.lines_b, limit - rounding, by_products, 5,
                      product_rules, choice, bound);
       bound += rounding;
     }
@@ -140,8 +165,7 @@ void classify(const PatchRecord* const* first, const PatchRecord* const* second,
     const Mask by_edges = asked & ((choice == splat(kUnsettled)) | (choice == splat(double{kProduct} + 5)));
     if (any(by_edges)) {
       Real points, edge_bound;
-      edge_points(line, distance, at, a, b, sizes_a, sizes_b, shape_a, shape_b, lines_a, lines_b, regular, limit,
-                  by_edges, edge_rules, points, edge_bound);
+      choose_points_on_edges(pair, MostPoints::worth_while(tolerance), limit, by_edges, edge_rules, points, edge_bound);
       const Mask cheaper = by_edges & ((choice == splat(kUnsettled)) |
                                        ((points > splat(double{kEdges})) & (points <= splat(double{kEdges} + 5))));
       choice = cheaper ? points : choice;
@@ -196,7 +220,8 @@ void choose(const PatchRecord* const* first, const PatchRecord* const* second, i
     const Real variance = 0.5 * ((spread_a.second + spread_a.beyond) * across(line.height_b, line) +
                                  (spread_b.second + spread_b.beyond) * across(line.height_a, line));
     Real choice, bound;
-    choose_far_edges(turned, 0.25 * longest, MeanPower(distance, middles, variance, splat(0)), limit - rounding,
+    const MeanPower mean(distance, middles, variance, splat(0));
+    choose_far_edges(turned, 0.25 * longest, mean.inverse_gap, &mean, limit - rounding,
                      facing & ~moments & (middles > 0), Mask{}, edge_rules, choice, bound);
     choice = by_round ? splat(kRound) : moments ? splat(kMoments) : choice;
     bound = by_round ? round.bound : moments ? round.without_beyond : bound + rounding;

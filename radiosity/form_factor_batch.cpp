@@ -387,10 +387,25 @@ class FormFactorBatch::Sorter {
     ask(batch::kOthers, [&](Records first, Records second, int count, std::int32_t* choice, double* bound) {
       kernels_.choose_products(first, second, count, tolerance_, products, choice, bound);
     });
+    for (int i = 0; i < open_.count; ++i)
+      if (open_.choice[i] == batch::kUnsettled && share_a_corner(i)) open_.choice[i] = batch::kContour;
     ask(batch::kUnsettled, [&](Records first, Records second, int count, std::int32_t* choice, double* bound) {
       kernels_.classify(first, second, count, tolerance_, of_edges, products, choice, bound);
     });
   }
+
+  /// Edges that meet take the contour integral: no need to look closer.
+  bool share_a_corner(int i) const {
+    const double reach = first_[i]->radius + second_[i]->radius + batch::kOpen;
+    if ((load(first_[i]->centre) - load(second_[i]->centre)).squaredNorm() > reach * reach) return false;
+    const Polygon &one = polygon(first_[i]), &other = polygon(second_[i]);
+    for (int a = 0; a < one.corners; ++a)
+      for (int b = 0; b < other.corners; ++b)
+        if (one.corner[a] == other.corner[b]) return true;
+    return false;
+  }
+
+  const Polygon& polygon(const PatchRecord* record) const { return batch_.polygons_[record - batch_.records_.data()]; }
 
   template <class Chooser>
   void ask(batch::Choice about, Chooser chooser) {
@@ -427,9 +442,8 @@ class FormFactorBatch::Sorter {
     }
     if (choice == batch::kContour) {
       for (const int i : members) {
-        const auto index = [this](const PatchRecord* record) { return record - batch_.records_.data(); };
         const double wanted = tolerance_ * std::min(first_[i]->area, second_[i]->area) * square_unit_;
-        *found_[i] = exchange_area(batch_.polygons_[index(first_[i])], batch_.polygons_[index(second_[i])], wanted);
+        *found_[i] = exchange_area(polygon(first_[i]), polygon(second_[i]), wanted);
       }
       return;
     }
