@@ -2,7 +2,7 @@
 // Error against time of ways to compute unoccluded form factors, one core: product rules of 1 to 6 points per
 // direction, the kernel between centres without and with second moments, Gauss points on edges, the contour integral,
 // random lines, and the automatic choice. Two families of pairs, by the gap between their centres in patch sizes: near
-// (below 1.5: touching), middle (below 5) and far (below 17).
+// (below 1.5: touching), middle (below 5) and far (below 17), and all: pairs as they come, at any gap.
 //   cube    quads of a cube, 12 x 12 a face
 //   turned  triangles, parallelograms and other quads in turn, turned at random, areas up to 4 apart
 // 64 pairs of a patch are a list; the automatic choice gets 16 lists at a time, as from a tile of the operator. The
@@ -36,8 +36,9 @@ using namespace interglow::radiosity;
 using Eigen::Vector3d;
 
 constexpr std::size_t kPairsOfAPatch = 64;  // so that a vector kernel has work
-constexpr std::array<const char*, 3> kGaps{"near", "middle", "far"};
-constexpr std::array<double, 4> kGapLimits{0.0, 1.5, 5.0, 17.0};  // in patch sizes
+constexpr std::array<const char*, 4> kSets{"near", "middle", "far", "all"};
+constexpr std::array<double, 4> kGapLimits{0.0, 1.5, 5.0, 17.0};  // in patch sizes, of the first three
+constexpr std::size_t kGaps = 3, kAll = 3;
 
 struct Pairs {
   std::uint32_t one;
@@ -49,13 +50,13 @@ struct Family {
   const char* name;
   std::vector<Polygon> patches;
   FormFactorBatch batch;
-  std::array<std::vector<Pairs>, 3> pairs;  ///< by kGaps
+  std::array<std::vector<Pairs>, kSets.size()> pairs;
   Family(const char* given_name, std::vector<Polygon> given_patches)
       : name(given_name), patches(given_patches), batch(std::move(given_patches)) {}
 
-  std::size_t count(std::size_t gap) const {
+  std::size_t count(std::size_t set) const {
     std::size_t sum = 0;
-    for (const Pairs& p : pairs[gap]) sum += p.others.size();
+    for (const Pairs& p : pairs[set]) sum += p.others.size();
     return sum;
   }
   double least_area(std::uint32_t i, std::uint32_t j) const { return std::min(batch.area(i), batch.area(j)); }
@@ -79,13 +80,16 @@ Family cube() {
   const double size = std::sqrt(made.batch.area(0));
   constexpr std::uint32_t kFace = kSide * kSide;
   for (std::uint32_t i = kFace; i < made.batch.size(); i += 5) {
-    std::array<Pairs, 3> of_patch{Pairs{i, {}, {}}, Pairs{i, {}, {}}, Pairs{i, {}, {}}};
+    std::array<Pairs, kSets.size()> of_patch;
+    for (Pairs& set : of_patch) set.one = i;
     for (std::uint32_t j = 0; j < i / kFace * kFace; ++j) {
       const double gap = (centre(made.patches[i]) - centre(made.patches[j])).norm() / size;
       Pairs& set = of_patch[gap < kGapLimits[1] ? 0 : gap < kGapLimits[2] ? 1 : 2];
       if (set.others.size() < kPairsOfAPatch) made.add(set, j);
     }
-    for (std::size_t k = 0; k < 3; ++k) {
+    constexpr std::uint32_t kStep = 13;  // runs along no row or column; at most 56 pairs
+    for (std::uint32_t j = i % kStep; j < i / kFace * kFace; j += kStep) made.add(of_patch[kAll], j);
+    for (std::size_t k = 0; k < kSets.size(); ++k) {
       if (!of_patch[k].others.empty()) made.pairs[k].push_back(of_patch[k]);
     }
   }
@@ -96,11 +100,11 @@ Family cube() {
 class TurnedPatches {
  public:
   Family family() {
-    constexpr std::size_t kSets = 24;
+    constexpr std::size_t kListsOfAGap = 24;
     std::vector<Polygon> patches;
-    for (std::size_t gap = 0; gap < kGaps.size(); ++gap)
-      for (std::size_t set = 0; set < kSets; ++set) {
-        const Polygon one = shape(set);
+    for (std::size_t gap = 0; gap < kGaps; ++gap)
+      for (std::size_t list = 0; list < kListsOfAGap; ++list) {
+        const Polygon one = shape(list);
         patches.push_back(one);
         for (std::size_t k = 0; k < kPairsOfAPatch; ++k) patches.push_back(partner(one, k, gap));
       }
@@ -108,7 +112,8 @@ class TurnedPatches {
     for (std::uint32_t i = 0; i < made.batch.size(); i += kPairsOfAPatch + 1) {
       Pairs set{i, {}, {}};
       for (std::uint32_t k = 1; k <= kPairsOfAPatch; ++k) made.add(set, i + k);
-      made.pairs[i / (kPairsOfAPatch + 1) / kSets].push_back(std::move(set));
+      made.pairs[kAll].push_back(set);
+      made.pairs[i / (kPairsOfAPatch + 1) / kListsOfAGap].push_back(std::move(set));
     }
     return made;
   }
@@ -172,8 +177,8 @@ struct Found {
 using Method = std::function<void(const Family&, std::span<const Pairs>, std::span<Found>)>;
 constexpr std::size_t kLists = 16;
 
-void do_all(const Family& family, std::size_t gap, const Method& method, std::span<Found> found) {
-  const std::span<const Pairs> pairs = family.pairs[gap];
+void do_all(const Family& family, std::size_t set, const Method& method, std::span<Found> found) {
+  const std::span<const Pairs> pairs = family.pairs[set];
   for (std::size_t start = 0; start < pairs.size(); start += kLists) {
     const std::size_t count = std::min(kLists, pairs.size() - start);
     method(family, pairs.subspan(start, count), found.subspan(start, count));
@@ -187,13 +192,13 @@ Method each(std::function<void(const Family&, const Pairs&, Found&)> one) {
   };
 }
 
-void measure(benchmark::State& state, const Family& family, std::size_t gap, const Method& method) {
-  std::vector<Found> found(family.pairs[gap].size());
-  do_all(family, gap, method, found);
+void measure(benchmark::State& state, const Family& family, std::size_t set, const Method& method) {
+  std::vector<Found> found(family.pairs[set].size());
+  do_all(family, set, method, found);
   double squares = 0.0;
   double worst = 0.0;
   for (std::size_t list = 0; list < found.size(); ++list) {
-    const Pairs& p = family.pairs[gap][list];
+    const Pairs& p = family.pairs[set][list];
     for (std::size_t k = 0; k < p.others.size(); ++k) {
       const double least_area = family.least_area(p.one, p.others[k]);
       const double error = std::abs(found[list].value(k) - p.exact[k]) / least_area;
@@ -205,11 +210,11 @@ void measure(benchmark::State& state, const Family& family, std::size_t gap, con
     }
   }
   for (auto _ : state) {
-    do_all(family, gap, method, found);
+    do_all(family, set, method, found);
     benchmark::DoNotOptimize(found.data());
     benchmark::ClobberMemory();
   }
-  const auto count = static_cast<double>(family.count(gap));
+  const auto count = static_cast<double>(family.count(set));
   state.counters["rms_error"] = std::sqrt(squares / count);
   state.counters["largest_error"] = worst;
   state.counters["seconds_a_pair"] =
@@ -324,11 +329,11 @@ class EnvelopeReporter : public benchmark::ConsoleReporter {
 };
 
 void add(const Family& family, const std::string& method, const std::string& setting, const Method& run) {
-  for (std::size_t gap = 0; gap < kGaps.size(); ++gap) {
+  for (std::size_t set = 0; set < kSets.size(); ++set) {
     std::string name(family.name);
-    name.append(" ").append(kGaps[gap]).append("/").append(method).append("/").append(setting);
+    name.append(" ").append(kSets[set]).append("/").append(method).append("/").append(setting);
     benchmark::RegisterBenchmark(name.c_str(),
-                                 [&family, gap, run](benchmark::State& state) { measure(state, family, gap, run); })
+                                 [&family, set, run](benchmark::State& state) { measure(state, family, set, run); })
         ->Unit(benchmark::kMillisecond)
         ->MinTime(0.05);
   }

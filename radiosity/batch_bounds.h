@@ -56,7 +56,7 @@ struct Placement {
   }
 };
 
-constexpr double kEdgeRoundings = 2.0;  ///< of the squared distances that may gather in their mean logarithm
+constexpr double kEdgeRoundings = 1.0;  ///< of the squared distances that may gather in their mean logarithm
 
 /// Σ_{k >= 2m} of |k-th Taylor coefficient| times the rule's error of x^k, over q^m, of coefficients (k + 1) q^(k/2)
 /// (`growing`) or q^(k/2): orders 2m ... 2m + 6 by their errors, then errors of at most 1/(k + 1).
@@ -93,7 +93,7 @@ struct NearEdges {
   Real coupling[4][4], all;   ///< |e·f| / 2π, and its sum
   Real inverse_square[4][4];  ///< ρ^-2
   Mask enough;                ///< whether some number of points is enough
-  Real roundings;             ///< coupling times the largest squared distance of points over the least, summed
+  Real roundings;             ///< coupling times the mean of the largest squared distance of points over theirs, summed
   NearEdges(const Outline& a, const Outline& b, Real negligible) {
     Real most = splat(0);
     roundings = splat(0);
@@ -127,10 +127,10 @@ struct NearEdges {
         most = counts ? max(most, x) : most;
         // (|w| + |a| + |b|)² <= 3/2 |w|² + 6 (|a|² + |b|²).
         const Real farthest = 1.5 * dot(w, w) + 6.0 * (a_squared[i] + b_squared[j]);
-        roundings += counts ? coupling[i][j] * farthest * max(square_a, square_b) * inverse_both : splat(0);
+        const Real nearest = max(max(square_a - a_squared[i], square_b - b_squared[j]), splat(1e-200));
+        roundings += counts ? coupling[i][j] * farthest / nearest : splat(0);
       }
     enough = most < 0.99;
-    roundings *= 1.0 / square_of(1.0 - square_root(min(most, splat(0.99))));
   }
 };
 

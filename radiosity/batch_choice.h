@@ -96,6 +96,12 @@ struct WholePair {
   }
 };
 
+/// r^-2 along an edge whose middle is D away is in the mean at most 1 / (D² - h²), h half of its length. What of that is
+/// divided by.
+inline Real mean_square(Real distance, Real half_edge_square) {
+  return distance > 0 ? distance * distance - half_edge_square : splat(0);
+}
+
 /// Points on the edges of patches that face each other, as a choice, and the bound; kContour where none are enough.
 inline void choose_points_on_edges(const WholePair& of, MostPoints most, Real limit, Mask asked,
                                    const EdgeRule* edge_rules, Real& choice, Real& bound) {
@@ -118,10 +124,11 @@ inline void choose_points_on_edges(const WholePair& of, MostPoints most, Real li
                       cosines * (sizes_a.half_edge * sizes_b.half_edge));
   bounds.swept = 1 / (2 * kPi) * (sizes_a.perimeter * of.b.area + sizes_b.perimeter * of.a.area);
   // Of a squared distance: roundings of the sum of the moduli of its terms, which `reach` bounds.
-  const Real least = max(at.gap, max(distance_a - sizes_a.half_edge, distance_b - sizes_b.half_edge));
-  const Real of_shapes = sizes_a.skew + sizes_b.skew;
+  const Real reach_square = square_of(at.reach), of_shapes = sizes_a.skew + sizes_b.skew;
+  const Real nearest = max(at.gap * magnitude(at.gap), max(mean_square(distance_a, square_of(sizes_a.half_edge)),
+                                                           mean_square(distance_b, square_of(sizes_b.half_edge))));
   Real rounding =
-      kEdgeRoundings * kEpsilon * bounds.coupling * square_of(at.reach / max(least, 1e-10 * at.reach)) + of_shapes;
+      kEdgeRoundings * kEpsilon * bounds.coupling * (reach_square / max(nearest, 1e-20 * reach_square)) + of_shapes;
   choose_edges(bounds, nullptr, kLoosePoints, limit - rounding, asked, edge_rules, choice, bound);
   const Mask loose = asked & (choice == splat(kContour));
   if (any(loose)) {
@@ -211,11 +218,13 @@ void choose(const PatchRecord* const* first, const PatchRecord* const* second, i
     const Real turned = (1 / (2 * kPi)) * ((d11 * (squares_a[1] + squares_b[1]) + d12 * (squares_a[1] + squares_b[0])) +
                                            (d21 * (squares_a[0] + squares_b[1]) + d22 * (squares_a[0] + squares_b[0])));
     const Real longest = max(max(squares_a[0], squares_a[1]), max(squares_b[0], squares_b[1]));
-    const Real middles = min(pair.distance_a, pair.distance_b), gap = max(pair.gap, 1e-10 * distance);
+    const Real middles = min(pair.distance_a, pair.distance_b);
+    const Real nearest = max(pair.gap * magnitude(pair.gap), mean_square(middles, 0.25 * longest));
     // (r + R)² <= 5/4 r² + 5 R².
     const Real reach_square = 1.25 * line.square + 10.0 * (spread_a.ball_square + spread_b.ball_square);
     const Real rounding =
-        kEdgeRoundings * kEpsilon * (2 / kPi) * cosines * reach_square / (gap * gap) + 32 * kEpsilon * longest;
+        kEdgeRoundings * kEpsilon * (2 / kPi) * cosines * (reach_square / max(nearest, 1e-20 * line.square)) +
+        32 * kEpsilon * longest;
     // A patch does not reach out of its plane; its larger principal moment is at most (second + beyond) / 2.
     const Real variance = 0.5 * ((spread_a.second + spread_a.beyond) * across(line.height_b, line) +
                                  (spread_b.second + spread_b.beyond) * across(line.height_a, line));
