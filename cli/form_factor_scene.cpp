@@ -65,6 +65,7 @@ std::string table(const Groups& groups, const radiosity::Transport& transport) {
 }  // namespace
 
 std::string evaluate_scene_form_factors(const SceneFormFactors& request, const Progress& progress) {
+  if (!request.output.empty()) radiosity::check_form_factor_file(request.output);
   const scene::SceneDescription description = scene::read_scene_file(request.scene);
   const scene::BuiltScene built = scene::build_scene(description, progress);
   const radiosity::Elements elements = radiosity::make_elements(built.scene);

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "radiosity/row_error.h"
@@ -45,31 +44,33 @@ void mark_nodes(AssemblyProblem& problem) {
   const Elements& elements = problem.elements;
   const auto n = static_cast<std::size_t>(elements.size());
   const int objects = elements.faces.object.empty() ? 0 : std::min(64, elements.faces.object.back() + 1);
-  std::vector<std::vector<Vector3d>> points(static_cast<std::size_t>(objects));
+  std::vector<std::vector<const ConvexBody*>> bodies(static_cast<std::size_t>(objects));
   for (const ConvexBody& body : problem.blockers.body) {
-    if (body.object >= objects) continue;
-    auto& all = points[static_cast<std::size_t>(body.object)];
-    all.insert(all.end(), body.vertex.begin(), body.vertex.end());
+    if (body.object < objects) bodies[static_cast<std::size_t>(body.object)].push_back(&body);
   }
   std::vector<std::uint64_t> hidden(n, 0);
-  std::vector<double> rise(n, 0.0);
   tbb::parallel_for(std::size_t{0}, n, [&](std::size_t e) {
     const Vector3d normal = elements.normal.row(static_cast<Eigen::Index>(e)).transpose();
-    // Lines that leave at an angle of θ with the surface carry a share of θ² of the flux: rounded coordinates of a
-    // convex object may rise this far without hiding anything that the tolerance would notice.
-    rise[e] = std::max(problem.tree.flat(), std::sqrt(elements.area_mm2[static_cast<Eigen::Index>(e)]) *
-                                                std::min(1e-5, 0.1 * std::sqrt(problem.entry_tolerance)));
-    const double highest = normal.dot(problem.tree.polygon(static_cast<int>(e)).corner[0]) + rise[e];
+    const Polygon& patch = problem.tree.polygon(static_cast<int>(e));
+    // Coordinates of a convex object are rounded. Neighbours that stay below an angle θ take θ² of a patch's flux, and
+    // of a border of height h around it 2 h / size: together less than a twentieth of the tolerance.
+    const double slope = std::min(1e-5, 0.1 * std::sqrt(problem.params.tolerance));
+    const double slack = std::max(problem.tree.flat(), std::sqrt(elements.area_mm2[static_cast<Eigen::Index>(e)]) *
+                                                           std::min(1e-5, 0.02 * problem.params.tolerance));
+    const double highest = normal.dot(patch.corner[0]) + problem.tree.flat();
+    const auto below = [&](const ConvexBody* body) {
+      return std::all_of(body->vertex.begin(), body->vertex.end(),
+                         [&](const Vector3d& p) { return normal.dot(p) <= highest; }) ||
+             lies_low(patch, normal, body->vertex, slope, slack);
+    };
     for (int o = 0; o < objects; ++o) {
-      const auto& all = points[static_cast<std::size_t>(o)];
-      if (std::all_of(all.begin(), all.end(), [&](const Vector3d& p) { return normal.dot(p) <= highest; }))
-        hidden[e] |= std::uint64_t{1} << o;
+      const auto& all = bodies[static_cast<std::size_t>(o)];
+      if (std::all_of(all.begin(), all.end(), below)) hidden[e] |= std::uint64_t{1} << o;
     }
   });
   const int nodes = problem.tree.size();
   problem.hidden_objects.assign(static_cast<std::size_t>(nodes), ~std::uint64_t{0});
   problem.black.assign(static_cast<std::size_t>(nodes), 1);
-  problem.rise.assign(static_cast<std::size_t>(nodes), std::numeric_limits<double>::infinity());
   // Children come after their parents.
   for (int node = nodes - 1; node >= 0; --node) {
     const Cluster& cluster = problem.tree.cluster(node);
@@ -77,12 +78,10 @@ void mark_nodes(AssemblyProblem& problem) {
     if (cluster.count == 1) {
       const auto e = static_cast<std::size_t>(problem.tree.order()[static_cast<std::size_t>(cluster.first)]);
       problem.hidden_objects[at] = hidden[e];
-      problem.rise[at] = rise[e];
       problem.black[at] = elements.material[e] < 0 ? 1 : 0;
       continue;
     }
     for (const int child : {cluster.left, cluster.right}) {
-      problem.rise[at] = std::min(problem.rise[at], problem.rise[static_cast<std::size_t>(child)]);
       problem.hidden_objects[at] &= problem.hidden_objects[static_cast<std::size_t>(child)];
       problem.black[at] = static_cast<char>(problem.black[at] & problem.black[static_cast<std::size_t>(child)]);
     }

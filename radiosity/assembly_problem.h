@@ -28,10 +28,9 @@ struct AssemblyProblem {
   std::vector<int> tile_first;                ///< first position of each tile, and the end
   std::vector<std::uint64_t> hidden_objects;  ///< by node: bit o: nothing of object o rises above any member's plane
   std::vector<char> black;                    ///< by node: all members are black
-  std::vector<double> rise;           ///< by node: what rises less above the members' planes counts as below them [mm]
-  double entry_tolerance = 0.0;       ///< of one form factor
-  double unoccluded_tolerance = 0.0;  ///< of one form factor as if nothing hid it
-  double deviations = 0.0;            ///< standard deviations that a row's estimate takes of its lines
+  double entry_tolerance = 0.0;               ///< of one form factor
+  double unoccluded_tolerance = 0.0;          ///< of one form factor as if nothing hid it
+  double deviations = 0.0;                    ///< standard deviations that a row's estimate takes of its lines
   std::optional<FormFactorBatch> kernel;
   std::optional<Visibility> visibility;  ///< with occlusion
   std::optional<RisenBlockers> risen;    ///< with many blockers

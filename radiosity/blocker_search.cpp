@@ -62,9 +62,8 @@ bool BlockerSearch::may_rise_above(int node, const ConvexBody& body) const {
   const Cluster& c = problem_.cluster(node);
   if (problem_.risen && c.count == 1) return problem_.risen->above_element(problem_.element(c.first), body);
   if (c.sin_spread == 0.0) {
-    return std::any_of(body.vertex.begin(), body.vertex.end(), [&](const Vector3d& v) {
-      return c.axis.dot(v) - c.lowest > problem_.rise[static_cast<std::size_t>(node)];
-    });
+    return std::any_of(body.vertex.begin(), body.vertex.end(),
+                       [&](const Vector3d& v) { return c.axis.dot(v) - c.lowest > problem_.tree.flat(); });
   }
   return may_face(c, body.box);
 }

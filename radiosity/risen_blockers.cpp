@@ -6,37 +6,26 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace interglow::radiosity {
-namespace {
 
 using Eigen::Vector3d;
 
-/// Bodies larger than this many patch radii may pass the patch nearer than their vertices do.
-constexpr double kNeighbourSize = 6.0;
-
-double distance_to_segment(const Vector3d& p, const Vector3d& a, const Vector3d& b) {
-  const Vector3d edge = b - a;
-  const double length = edge.squaredNorm();
-  const double t = length > 0.0 ? std::clamp((p - a).dot(edge) / length, 0.0, 1.0) : 0.0;
-  return (p - a - t * edge).norm();
-}
-
-/// Distance of a point from a convex polygon.
-double distance(const Vector3d& p, const Polygon& polygon, const Vector3d& normal) {
-  double nearest = std::numeric_limits<double>::infinity();
-  bool over = true;
-  for (int k = 0; k < polygon.corners; ++k) {
-    const Vector3d& a = polygon.corner[static_cast<std::size_t>(k)];
-    const Vector3d& b = polygon.corner[static_cast<std::size_t>((k + 1) % polygon.corners)];
-    if (normal.dot((b - a).cross(p - a)) < 0.0) over = false;
-    nearest = std::min(nearest, distance_to_segment(p, a, b));
+bool lies_low(const Polygon& patch, const Vector3d& normal, std::span<const Vector3d> body, double slope,
+              double slack) {
+  for (int k = 0; k < patch.corners; ++k) {
+    const Vector3d& corner = patch.corner[static_cast<std::size_t>(k)];
+    const Vector3d& next = patch.corner[static_cast<std::size_t>((k + 1) % patch.corners)];
+    const Vector3d outward = (next - corner).cross(normal).normalized();
+    if (outward.isZero(0)) continue;
+    const auto low = [&](const Vector3d& vertex) {
+      const double outside = outward.dot(vertex - corner);
+      return outside >= -slack && normal.dot(vertex - corner) <= slack + slope * std::max(outside, 0.0);
+    };
+    if (std::all_of(body.begin(), body.end(), low)) return true;
   }
-  return over ? std::abs(normal.dot(p - polygon.corner[0])) : nearest;
+  return false;
 }
-
-}  // namespace
 
 RisenBlockers::RisenBlockers(const Elements& elements, const ElementTree& tree, const Blockers& blockers,
                              const std::vector<int>& first, double row_tolerance)
@@ -89,12 +78,7 @@ bool RisenBlockers::above_element(int element, const ConvexBody& body) const {
   }
   const double gap = (centre.cwiseMax(body.box.low).cwiseMin(body.box.high) - centre).norm() - radius;
   if (gap > 0.0 && highest <= sine_ * gap) return false;
-  if (highest > radius || (body.box.high - body.box.low).norm() > kNeighbourSize * radius) return true;
-  for (const Vector3d& vertex : body.vertex) {
-    const double height = normal.dot(vertex - origin);
-    if (height > flat && height > sine_ * distance(vertex, polygon, normal)) return true;
-  }
-  return false;
+  return !lies_low(polygon, normal, body.vertex, sine_, flat);
 }
 
 }  // namespace interglow::radiosity

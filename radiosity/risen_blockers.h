@@ -2,14 +2,25 @@
 /// Which obstacles rise high enough above a patch to matter: the neighbours on the same smooth surface do not.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "radiosity/blockers.h"
 #include "radiosity/element_tree.h"
 #include "radiosity/elements.h"
+#include "radiosity/polygon.h"
 
 namespace interglow::radiosity {
+
+/// Whether a convex body lies beside a patch and below the plane through one of its edges that rises outwards by
+/// `slope`: whatever line from the patch meets it leaves at no more than that. What lies over the patch, however low,
+/// does not.
+/// @param body  its vertices
+/// @param slack  how far they may be over that plane, and over the patch [mm]
+bool lies_low(const Polygon& patch, const Eigen::Vector3d& normal, std::span<const Eigen::Vector3d> body, double slope,
+              double slack);
 
 /// Lines that leave a patch at an angle of at most θ above its plane carry a share of at most sin²θ of its flux. A body
 /// that nowhere rises by more than θ, seen from the patch, hides no more than that, whatever the number of such bodies;

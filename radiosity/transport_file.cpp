@@ -9,6 +9,7 @@
 #include <cstring>
 #include <fstream>
 #include <limits>
+#include <system_error>
 #include <vector>
 
 #include "diagnostics/error.h"
@@ -161,13 +162,19 @@ void write_npz(const Transport& transport, const Progress& progress, std::ostrea
 
 }  // namespace
 
-void write_form_factors(const Transport& transport, const std::filesystem::path& path, const std::string& comment,
-                        const Progress& progress) {
-  const bool market = path.extension() == ".mtx";
-  if (!market && path.extension() != ".npz") {
+void check_form_factor_file(const std::filesystem::path& path) {
+  if (path.extension() != ".mtx" && path.extension() != ".npz")
     throw InvalidParams(
         fmt::format("{}: form factors are written as .mtx (Matrix Market) or .npz (NumPy).", path.string()));
-  }
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored))
+    throw InvalidParams(fmt::format("{}: is a folder; expected the name of a file to write.", path.string()));
+}
+
+void write_form_factors(const Transport& transport, const std::filesystem::path& path, const std::string& comment,
+                        const Progress& progress) {
+  check_form_factor_file(path);
+  const bool market = path.extension() == ".mtx";
   files::write_atomically(path, [&](const std::filesystem::path& temporary) {
     std::ofstream out(temporary, std::ios::binary);
     if (market) {

@@ -79,6 +79,15 @@ TEST(FormFactorsCommand, RefusesWhatIsNoSceneAndNoMatrixFormat) {
   EXPECT_EQ(wrong_output.status, 2);
   EXPECT_THAT(wrong_output.output, HasSubstr("f.csv"));
   EXPECT_FALSE(std::filesystem::exists(folder / "f.csv"));
+  // Before anything is computed, or the scene so much as read.
+  const ProgramRun no_scene = run_program("form-factors '" + (folder / "none.toml").string() + "' --out '" +
+                                          (folder / "f.csv").string() + "' 2>&1");
+  EXPECT_THAT(no_scene.output, HasSubstr("f.csv"));
+  std::filesystem::create_directory(folder / "folder.mtx");
+  const ProgramRun onto_folder = run_program("form-factors '" + (folder / "scene.toml").string() + "' --out '" +
+                                             (folder / "folder.mtx").string() + "' 2>&1");
+  EXPECT_EQ(onto_folder.status, 2);
+  EXPECT_THAT(onto_folder.output, HasSubstr("folder.mtx: is a folder"));
 }
 
 }  // namespace

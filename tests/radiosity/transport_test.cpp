@@ -150,6 +150,39 @@ TEST(Transport, BothSidesOfASheetTakePart) {
   EXPECT_EQ(transport.form_factor(0, 1), 0.0);
 }
 
+// However low it lies, what is over a patch hides it; with few blockers, and with so many that they are searched.
+TEST(Transport, AFoilThatNearlyTouchesAFloorHidesIt) {
+  const Eigen::Vector3d x = Eigen::Vector3d::UnitX(), y = Eigen::Vector3d::UnitY();
+  const auto rectangle = [](const Eigen::Vector3d& corner, const Eigen::Vector3d& u, const Eigen::Vector3d& v) {
+    mesh::PatchMesh made;
+    testing::add_grid(made, corner, u, v, 1, 1);
+    return made;
+  };
+  const double whole = 0.19982489569838737;  // opposite unit squares at distance 1 (Howell, C-11)
+  struct Case {
+    int others;
+    double tolerance;
+    std::vector<double> gaps;
+  };
+  // Lines know no gaps below single precision.
+  for (const auto& [others, tolerance, gaps] : {Case{0, 1e-4, {1e-3, 4e-6, 1e-8, 1e-11}}, Case{70, 1e-3, {1e-3, 1e-4}}})
+    for (const double gap : gaps) {
+      scene::Scene scene;
+      scene.objects = {object("floor", rectangle({0, 0, 0}, x, y)), object("ceiling", rectangle({0, 0, 1}, y, x)),
+                       object("foil", rectangle({0.1, 0.2, gap}, 0.5 * x, 0.6 * y))};
+      scene.objects[2].sides = scene::Sides::kTwo;
+      for (int k = 0; k < others; ++k)  // below the floor, each a body
+        scene.objects.push_back(object("other", rectangle({0.1 * k, 0.0, -2.0 - 0.1 * k}, 0.05 * y, 0.05 * x)));
+      const Transport part = Transport::build(make_elements(scene), {.tolerance = tolerance});
+      // The shadow's border moves by no more than twice the gap.
+      EXPECT_NEAR(part.form_factor(1, 0), whole - part.form_factor(1, 2), tolerance + 2 * gap) << gap << ' ' << others;
+      // Its corners lie beside the floor.
+      scene.objects[2].patches = rectangle({-0.4, -0.3, gap}, 1.6 * x, 1.7 * y);
+      const Transport all = Transport::build(make_elements(scene), {.tolerance = tolerance});
+      EXPECT_NEAR(all.form_factor(1, 0), 0.0, tolerance) << gap << ' ' << others;
+    }
+}
+
 TEST(Transport, SmoothingClosesTheRowsKeepsReciprocityAndSaysWhatItChanged) {
   const Elements elements = make_elements(box_with_two_cubes(3, 1));
   const Transport raw = Transport::build(elements, {.tolerance = 1e-2});
