@@ -6,6 +6,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace interglow::radiosity {
 
@@ -13,16 +14,27 @@ using Eigen::Vector3d;
 
 bool lies_low(const Polygon& patch, const Vector3d& normal, std::span<const Vector3d> body, double slope,
               double slack) {
-  for (int k = 0; k < patch.corners; ++k) {
+  const auto beyond = [&](const Vector3d& outward) {  // of the patch, across its supporting line
+    double reach = -std::numeric_limits<double>::infinity();
+    for (int k = 0; k < patch.corners; ++k)
+      reach = std::max(reach, outward.dot(patch.corner[static_cast<std::size_t>(k)]));
+    const double plane = normal.dot(patch.corner[0]);
+    return std::all_of(body.begin(), body.end(), [&](const Vector3d& vertex) {
+      const double outside = outward.dot(vertex) - reach;
+      return outside >= -slack && normal.dot(vertex) - plane <= slack + slope * std::max(outside, 0.0);
+    });
+  };
+  const auto outward_of = [&](int k) -> Vector3d {
     const Vector3d& corner = patch.corner[static_cast<std::size_t>(k)];
     const Vector3d& next = patch.corner[static_cast<std::size_t>((k + 1) % patch.corners)];
-    const Vector3d outward = (next - corner).cross(normal).normalized();
-    if (outward.isZero(0)) continue;
-    const auto low = [&](const Vector3d& vertex) {
-      const double outside = outward.dot(vertex - corner);
-      return outside >= -slack && normal.dot(vertex - corner) <= slack + slope * std::max(outside, 0.0);
-    };
-    if (std::all_of(body.begin(), body.end(), low)) return true;
+    return (next - corner).cross(normal).normalized();
+  };
+  Vector3d before = outward_of(patch.corners - 1);
+  for (int k = 0; k < patch.corners; ++k) {
+    const Vector3d outward = outward_of(k), between = (before + outward).normalized();
+    if (!outward.isZero(0) && beyond(outward)) return true;
+    if (!between.isZero(0) && beyond(between)) return true;
+    before = outward;
   }
   return false;
 }

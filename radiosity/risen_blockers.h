@@ -14,9 +14,9 @@
 
 namespace interglow::radiosity {
 
-/// Whether a convex body lies beside a patch and below the plane through one of its edges that rises outwards by
-/// `slope`: whatever line from the patch meets it leaves at no more than that. What lies over the patch, however low,
-/// does not.
+/// Whether a convex body lies beside a patch and below a plane through one of its edges or corners that rises outwards
+/// by `slope`: whatever line from the patch meets it leaves at no more than that. What lies over the patch, however
+/// low, does not.
 /// @param body  its vertices
 /// @param slack  how far they may be over that plane, and over the patch [mm]
 bool lies_low(const Polygon& patch, const Eigen::Vector3d& normal, std::span<const Eigen::Vector3d> body, double slope,

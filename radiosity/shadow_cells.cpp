@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace interglow::radiosity {
@@ -20,6 +21,9 @@ constexpr double kInwards = 0.01;
 /// Of the area of a cell times what the integrand at a corner differs by from what it would be without a kink: a ramp
 /// that begins before the nearest point of the rule.
 constexpr double kNearCorner = 0.1;
+/// A cell larger than this many times its distance from the source has layers in which the integrand falls off that its
+/// points may miss: all that it varies by, over this share of the cell, is in doubt.
+constexpr double kNearCell = 1.0, kNearShare = 0.25;
 constexpr int kNewBody = 1000;
 
 void add_to_outline(std::uint64_t& outline, int what) {
@@ -396,6 +400,30 @@ ShadowCells::Look ShadowCells::look(const Vector2d& position) {
   return result;
 }
 
+double ShadowCells::distance_square(const Vector2d& position) const {
+  const Vector3d point(position.x(), position.y(), 0.0);
+  const double height = source_normal_.dot(point) - source_offset_;
+  double least = std::numeric_limits<double>::infinity();
+  bool over = true;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(source_.corners); ++k) {
+    const Vector3d& a = source_.corner[k];
+    const Vector3d& b = source_.corner[k + 1 == static_cast<std::size_t>(source_.corners) ? 0 : k + 1];
+    const Vector3d edge = b - a, way = point - a;
+    over = over && source_normal_.dot(edge.cross(way)) >= 0.0;
+    const double length = edge.squaredNorm();
+    const double t = length > 0.0 ? std::clamp(way.dot(edge) / length, 0.0, 1.0) : 0.0;
+    least = std::min(least, (way - t * edge).squaredNorm());
+  }
+  if (over) least = height * height;
+  for (int k = 0; k < body_count_; ++k) {
+    const std::vector<Vector3d>& vertex = bodies_[static_cast<std::size_t>(k)].vertex;
+    Vector3d box_low = vertex[0], box_high = vertex[0];
+    for (const Vector3d& v : vertex) box_low = box_low.cwiseMin(v), box_high = box_high.cwiseMax(v);
+    least = std::min(least, (point.cwiseMax(box_low).cwiseMin(box_high) - point).squaredNorm());
+  }
+  return least;
+}
+
 void ShadowCells::evaluate(Cell& cell) {
   const std::span<const Vector2d> corners(cell.corner.data(), static_cast<std::size_t>(cell.corners));
   const double area = area_of(corners);
@@ -412,23 +440,29 @@ void ShadowCells::evaluate(Cell& cell) {
   cell.touched = at_middle > 0.0;
   cell.hidden = at_middle;
   cell.error = 0.0;
-  if (!cell.touched) return;
-  if (at_middle < small_) {
+  const bool near = area > kNearCell * kNearCell * distance_square(middle);
+  if (!cell.touched && !near) return;
+  if (at_middle < small_ && !near) {
     cell.error = 0.5 * at_middle;
     return;
   }
   double sum = 0.0;
   bool same = true;     // outline at all points
   double missed = 0.0;  // near corners from where the outline is another
+  double least = centre.hidden, most = centre.hidden;
   const auto add = [&](const Vector2d& p, double weight) {
     const Look seen = look(p);
     same = same && seen.outline == centre.outline;
     sum += weight * seen.hidden;
+    least = std::min(least, seen.hidden);
+    most = std::max(most, seen.hidden);
     return seen.hidden;
   };
-  const bool crossing = centre.bodies > 1;
+  const bool corners_too = near || centre.bodies > 1;
   const auto compare = [&](const Vector2d& corner, double expected, double share) {
     const Look seen = look(corner + kInwards * (middle - corner));
+    least = std::min(least, seen.hidden);
+    most = std::max(most, seen.hidden);
     if (seen.outline == centre.outline) return;
     same = false;
     missed += kNearCorner * share * std::abs(seen.hidden - expected);
@@ -449,7 +483,7 @@ void ShadowCells::evaluate(Cell& cell) {
         const Vector2d along_v = (1 - u) * (d - a) + u * (c - b);
         value[n] = add((1 - u) * ((1 - v) * a + v * d) + u * ((1 - v) * b + v * c), 0.25 * cross(along_u, along_v));
       }
-      if (crossing) {
+      if (corners_too) {
         constexpr double kNear = 1.3660254037844386;  // (1 + sqrt(3)) / 2: a line through two nodes, at a corner
         constexpr double kFar = 1.0 - kNear;
         const double share = 0.5 * (cross(b - a, c - a) + cross(c - a, d - a));
@@ -465,7 +499,7 @@ void ShadowCells::evaluate(Cell& cell) {
       const double weight = cross(b - a, c - a) / 6.0;
       const std::array<double, 3> value = {add((4.0 * a + b + c) / 6.0, weight), add((a + 4.0 * b + c) / 6.0, weight),
                                            add((a + b + 4.0 * c) / 6.0, weight)};
-      if (crossing) {
+      if (corners_too) {
         const double all = value[0] + value[1] + value[2];
         compare(a, 2.0 * value[0] - all / 3.0, 3.0 * weight);
         compare(b, 2.0 * value[1] - all / 3.0, 3.0 * weight);
@@ -478,7 +512,10 @@ void ShadowCells::evaluate(Cell& cell) {
   // The integrand is analytic in a cell: where the midpoint is off by a small share e, the rule of degree 2 or 3 is off
   // by about e².
   const double difference = std::abs(sum - at_middle);
-  cell.error = same ? difference * std::clamp(4.0 * difference / sum, 0.05, 1.0) : difference + missed;
+  cell.error =
+      same ? difference * std::clamp(4.0 * difference / std::max(sum, 1e-300), 0.05, 1.0) : difference + missed;
+  cell.touched = cell.touched || most > 0.0;
+  if (near) cell.error = std::max(cell.error, kNearShare * area * (most - least));
 }
 
 ShadowResult ShadowCells::integrate(const Polygon& outer, const Polygon& source,

@@ -78,6 +78,8 @@ class ShadowCells {
     int bodies = 0;             ///< that hide something
     bool covered = false;
   };
+  /// Of a point of the outer patch from the source.
+  double distance_square(const Eigen::Vector2d& point) const;
   void evaluate(Cell& cell);
   Look look(const Eigen::Vector2d& point);
   double uncovered(const Outline& part, int bodies, std::uint64_t& outline);

@@ -20,7 +20,8 @@ void check_form_factor_file(const std::filesystem::path& path);
 /// `.npz`: compressed rows as scipy.sparse.load_npz reads them (data, indices, indptr, shape, format), and `area_mm2`
 /// besides. The file is whole or not there.
 /// @throws InvalidParams as `check_form_factor_file` does, or if an .npz would pass 4 GiB; InvalidInput if it cannot be
-/// written Cost O(stored pairs); memory for .npz about 24 bytes a stored pair.
+/// written
+/// Cost O(stored pairs); memory for .npz about 24 bytes a stored pair.
 void write_form_factors(const Transport& transport, const std::filesystem::path& path, const std::string& comment = {},
                         const Progress& progress = {});
 
